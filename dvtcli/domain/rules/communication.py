@@ -10,7 +10,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import MAX_ENTRIES, is_mapping_index
 from dvtcli.domain.plan import INHIBIT_TIME, Step, plan_pdo
 from dvtcli.domain.profile import Severity, within
-from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
+from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error, note, warning
 
 RULES = (
     Rule("parameter-exists", ERROR, "the PDO has no such parameter", "the device; the EDS", (Abort.NO_SUB_INDEX,)),
@@ -20,7 +20,9 @@ RULES = (
     Rule("transmission-type", (Severity.ERROR, Severity.WARNING),
          "a type that is reserved or not supported by the family (error), or has a special meaning on it (warning)",
          "CiA 301, 7.5.2.35 and 7.5.2.37; the family", (Abort.VALUE_RANGE,)),
-    Rule("event-timer", WARNING, "the event timer has no effect with this type on this family", "the family"),
+    Rule("event-timer", (Severity.WARNING, Severity.NOTE),
+         "the event timer has no effect with this type on this family (warning), or by CiA 301 (note)",
+         "the family; CiA 301, 7.5.2.37"),
     Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
     Rule("parameter-length", ERROR, "a parameter has another length in the device's file than in CiA 301",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS, DataType (CiA 306)", (Abort.TOO_LONG, Abort.TOO_SHORT)),
@@ -28,6 +30,8 @@ RULES = (
          "ours; the EDS, AccessType (CiA 306)"),
 )  # fmt: skip
 _NAMES = {1: "COB-ID", 2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
+#: The sub-index of the event timer, and the lowest event-driven transmission type.
+EVENT_TIMER, _EVENT_DRIVEN = 5, 254
 _LARGEST = {2: 0xFF, 3: 0xFFFF, 5: 0xFFFF, 6: 0xFF}
 
 
@@ -42,6 +46,9 @@ def communication_findings(proposal: Proposal) -> Iterator[Finding]:
                 place,
                 f"{proposal.pdo.label} has no {_NAMES[sub_index]} on this device",
                 Abort.NO_SUB_INDEX,
+                "a synchronous type (1..240) sends it periodically, by SYNC"
+                if sub_index == EVENT_TIMER and proposal.pdo.is_tpdo
+                else None,
             )
             fits = fits and _fits(sub_index, after)
             continue
@@ -131,6 +138,9 @@ def _combination_findings(proposal: Proposal) -> Iterator[Finding]:
             proposal.communication_place(5),
             f"the event timer of a {proposal.profile.title} works for event-driven types only, this is type {kind}",
         )
+    elif timed and proposal.pdo.is_tpdo and kind is not None and kind < _EVENT_DRIVEN:
+        text = f"CiA 301 uses the event timer with types 254 and 255 only, this is type {kind}"
+        yield note("event-timer", proposal.communication_place(5), text)
 
 
 COB_ID = 1

@@ -101,7 +101,10 @@ def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_ind
     known = dictionary[index]
     subs = ", ".join(f"{sub:02X}" for sub in list(known.entries)[:12])
     text = f'0x{index:04X}:{sub_index:02X} is not in {dictionary.source}; {index:04X} "{known.name}" has {subs}'
-    return error("object-exists", place, text, Abort.NO_SUB_INDEX, decimal_hint(dictionary, index, sub_index))
+    hint = decimal_hint(dictionary, index, sub_index)
+    if hint is None and list(known.entries) == [0]:
+        hint = f"{index:04X} has no sub-indices: name it {index:04X}"
+    return error("object-exists", place, text, Abort.NO_SUB_INDEX, hint)
 
 
 def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> str | None:

@@ -36,6 +36,7 @@ RULES = (
     Rule("dummy-length", ERROR, "the length of a dummy differs from its type's", _MAPPING, (Abort.NOT_MAPPABLE,)),
     Rule("double-target", (Severity.ERROR, Severity.WARNING),
          "an RPDO maps an object twice (error); two RPDOs write the same object (warning)", "ours"),
+    Rule("mapped-twice", WARNING, "a TPDO maps an object twice", "ours"),
     Rule("entry-length", ERROR, "the length of an entry differs from its object's, is 0, or exceeds 64 bits",
          "CiA 301, 7.5.2.36 and 7.5.2.38; the EDS; the family", (Abort.NOT_MAPPABLE, Abort.VALUE_RANGE)),
     Rule("granularity", ERROR, "the length of an entry is not a multiple of the device's granularity",
@@ -45,6 +46,8 @@ RULES = (
     Rule("inconsistent-pdo", ERROR, "a PDO would be enabled with fewer entries than its count",
          "CiA 301, 7.5.2.36 and 7.5.2.38", (Abort.PDO_LENGTH,)),
 )  # fmt: skip
+#: Number of entries that a message shows one by one.
+_SHOWN_ENTRIES = 12
 #: The lowest event-driven transmission type.
 _EVENT_DRIVEN = 254
 
@@ -75,7 +78,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
         place = proposal.mapping_place(number)
         yield from (_dummy if entry.is_dummy else object_findings)(proposal, place, entry)
         yield from length_findings(proposal, place, entry)
-    yield from _double_targets(proposal)
+    yield from (_mapped_twice if proposal.pdo.is_tpdo else _double_targets)(proposal)
 
 
 def _mpdo_findings(proposal: Proposal) -> Iterator[Finding]:
@@ -130,18 +133,25 @@ def _static_findings(proposal: Proposal) -> Iterator[Finding]:
                     {"all": True},
                     "this device has a fixed mapping for the PDO; choose another PDO ({})",
                 )
-                if sub_index
+                if sub_index or not _writable_entries(proposal)
                 else Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
-                + "if only the count is fixed, a profile's `filler` helps",
+                + "its entries can be written: a profile with `filler` (unused entries) maps it in spite of the count",
             )
             return
+
+
+def _writable_entries(proposal: Proposal) -> bool:
+    """Tell whether the file lets the first mapping entry be written."""
+    entry = proposal.dictionary.entry(proposal.pdo.mapping_index, 1) if proposal.dictionary else None
+    return entry is not None and entry.access.writable
 
 
 def _size_findings(proposal: Proposal) -> Iterator[Finding]:
     want, place = proposal.want, proposal.mapping_place(0)
     yield from _count_findings(proposal)
     if want.bits > MAX_PDO_BITS:
-        parts = " + ".join(f"{entry.object} {entry.bits}" for entry in want.mapping)
+        parts = " + ".join(f"{entry.object} {entry.bits}" for entry in want.mapping[:_SHOWN_ENTRIES])
+        parts += " + …" if len(want.mapping) > _SHOWN_ENTRIES else ""
         over = want.bits - MAX_PDO_BITS
         yield error(
             "pdo-length",
@@ -154,6 +164,8 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
 
 def _to_drop(mapping: Sequence[PdoMappingEntry], over: int) -> str:
     """Name the last objects of *mapping* that have *over* bits or more together: `drop …, or put it`."""
+    if len(mapping) > _SHOWN_ENTRIES:
+        return "put the rest"
     first = next(at for at in reversed(range(len(mapping))) if sum(entry.bits for entry in mapping[at:]) >= over)
     *others, last = (str(entry.object) for entry in mapping[first:])
     return f"drop {', '.join(others)} and {last}, or put them" if others else f"drop {last}, or put it"
@@ -229,10 +241,19 @@ def known_dummies(dictionary: ObjectDictionary | None, profile: DeviceProfile) -
     return stated & known if stated is not None and known is not None else known if stated is None else stated
 
 
+def _mapped_twice(proposal: Proposal) -> Iterator[Finding]:
+    """A TPDO sends an object once."""
+    seen: dict[tuple[int, int], int] = {}
+    for number, entry in enumerate(proposal.want.mapping, 1):
+        key = entry.index, entry.sub_index
+        if key in seen and seen[key] > 0:
+            text = f"{proposal.name(*key)} is mapped twice (entry {seen[key]} and {number})"
+            yield warning("mapped-twice", proposal.mapping_place(number), text)
+        seen[key] = -1 if key in seen else number
+
+
 def _double_targets(proposal: Proposal) -> Iterator[Finding]:
     """An RPDO target should have one writer."""
-    if proposal.pdo.is_tpdo:
-        return
     seen: dict[tuple[int, int], int] = {}
     for number, entry in enumerate(proposal.want.mapping, 1):
         if entry.is_dummy:

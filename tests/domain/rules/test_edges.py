@@ -442,9 +442,9 @@ def test_as_many_entries_as_the_device_takes() -> None:
     few = replace(GENERIC, max_entries=7)
     findings = check_pdo(replace(mapped(proposal(), *bytes_8), profile=few))
     assert [(finding.rule, finding.place, finding.abort) for finding in findings] == [
-        ("entry-count", "0x1A00:00", 0x0604_0042)
-    ]
-    assert check_pdo(replace(mapped(proposal(), *bytes_8[:7]), profile=few)) == ()
+        ("entry-count", "0x1A00:00", 0x0604_0042), ("mapped-twice", "0x1A00:02", None),
+    ]  # fmt: skip
+    assert rules(replace(mapped(proposal(), *bytes_8[:7]), profile=few)) == []
     room = len(dictionary("generic")[0x1A00].entries) - 1
     (over,) = [f for f in check_pdo(mapped(proposal(), *((0x6061, 0, 1),) * (room + 1))) if f.rule == "entry-count"]
     assert (over.place, over.abort) == (f"0x1A00:{room + 1:02X}", 0x0609_0011)

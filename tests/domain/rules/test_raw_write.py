@@ -140,7 +140,7 @@ def found(sdo: DirectSdo, write: ParameterWrite, *entries: PdoMappingEntry) -> l
         return Proposal(NODE, TPDO1, now, want, {}, GENERIC, dictionary("generic"))
 
     findings = parameter_findings(proposal, now, write, lambda: entries)
-    assert {finding.place for finding in findings} <= {write.place}
+    assert {finding.place for finding in findings if finding.rule != "mapped-twice"} <= {write.place}
     return [(finding.rule, finding.abort) for finding in findings if finding.severity.name == "ERROR"]
 
 

@@ -178,7 +178,10 @@ def test_a_multiplexed_pdo_is_named_with_its_count() -> None:
 
 def test_what_is_fixed_says_what_else_there_is() -> None:
     held = GENERIC_FILE[0x1A00]
-    for sub_index, hint in ((0, "a profile's `filler` helps"), (1, "this device has a fixed mapping for the PDO")):
+    for sub_index, hint in (
+        (0, "its entries can be written: a profile with `filler`"),
+        (1, "this device has a fixed mapping for the PDO"),
+    ):
         entries = {**held.entries, sub_index: replace(held.entries[sub_index], access=Access.RO)}
         described = ObjectDictionary({**GENERIC_FILE, 0x1A00: replace(held, entries=entries)}, GENERIC_FILE.info, "x")
         assert hint in typed(found(mapping(TPDO1, 0x6061_0008, described=described), "static-mapping").hint)

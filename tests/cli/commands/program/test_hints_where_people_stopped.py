@@ -76,6 +76,13 @@ def test_an_option_that_other_servers_have_leads_to_this_ones() -> None:
     assert "--color" not in done.stderr, "no option whose letters are far"
 
 
+def test_an_object_with_one_sub_index_is_told_to_the_user() -> None:
+    with Bench() as bench:
+        ran = bench.run("map tpdo1 606C:1")
+        assert (ran.code, "606C has no sub-indices: name it 606C" in ran.stderr) == (1, True)
+        assert bench.run("map tpdo1 606C").code == 0
+
+
 def test_a_near_command_is_a_hint_for_programs_too() -> None:
     document = Bench(options={"format": "json"}).run("mapp tpdo1").documents[0]
     assert document["text"] == "unknown command 'mapp'"
@@ -101,6 +108,13 @@ def test_ranges_of_node_ids() -> None:
     with Bench() as bench:
         assert "'5-200'" not in bench.run("explain 185#10 --nodes 1-1").stderr
         assert "'200' is not a node-ID" in bench.run("explain 185#10 --nodes 5-200").stderr
+
+
+def test_a_pdo_of_many_objects_is_refused_in_a_short_line() -> None:
+    with Bench() as bench:
+        ran = bench.run("map tpdo1 " + "6041 " * 60)
+        assert ran.code == 1
+        assert max(map(len, ran.stderr.splitlines())) < 260
 
 
 def test_a_file_that_ends_in_the_middle_is_named(tmp_path: Path) -> None:
