@@ -44,7 +44,7 @@ def _of_file(path: Path) -> Iterator[str]:
 
 
 #: what names a device file
-DEVICE_FILE_WORDS = "the path of an EDS, DCF, XDD or XDC, a simulated family, or a name of `eds list`"
+DEVICE_FILE_WORDS = "the path of an EDS, DCF, XDD or XDC, a simulated family, or a file of the EDS library"
 #: the reason for the file of a simulated node
 SIMULATED = "simulated from it"
 
@@ -271,7 +271,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
     raise UsageError(
         f"{what}: no such family and no such file",
         hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder with a simulated.toml; "
-        "or a name of `eds list`",
+        "or a file of the EDS library",
     )
 
 

@@ -107,7 +107,7 @@ def test_a_bus_takes_numbers_and_paths(tmp_path: Path) -> None:
             bus.node(1, eds=tmp_path / "nosuch.eds")
     assert (
         raised.value.hint
-        == "eds=FILE takes the path of an EDS, DCF, XDD or XDC, a simulated family, or a name of `eds list`"
+        == "eds=FILE takes the path of an EDS, DCF, XDD or XDC, a simulated family, or a file of the EDS library"
     )
 
 

@@ -27,7 +27,7 @@ _DONE = re.compile(
 )
 #: words that are a command's, said as English, or typed in another program's window
 _ENGLISH = re.compile(
-    r"store: (?:true|false)|node 5|write 5 or 5/5|ssh -L|vendor-product\[-revision\]|or eds$|eds takes the path"
+    r"store: (?:true|false)|node 5|write 5 or 5/5|ssh -L|vendor-product\[-revision\]|or eds$|eds takes"
 )
 
 
@@ -159,8 +159,8 @@ def test_what_takes_a_network_back_is_a_call_of_the_bus() -> None:
 
 LINKS = (
     ("606C 606C", "5:rpdo4 60FF"),
-    ("6041 6041 6041", "5:rpdo4 6040"),
-    ("6041 6041 6041", "6:rpdo2 6040"),
+    ("6041 6041 6041", "5:rpdo4 6072"),
+    ("606C 606C", "6:rpdo2 60FF"),
 )
 #: gen4 and generic have dummies, tmcm has none
 LINKED = ("gen4@1", "generic@5", "tmcm@6")
