@@ -26,6 +26,7 @@ from dvtcli.cli.dvt.tcl_wire import (
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run
 from dvtcli.cli.scripts.script_parse import script_text
 from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.hint import Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError, ended_with
 from dvtcli.files.bounded_process import BoundedProcess, child_command
 
@@ -59,7 +60,8 @@ class TclRun:
         self._session, self._source, self._process, self._calls = session, source, process, calls
         self._limits, self._start_s = limits, start_s
         self._computed_s = 0.0
-        self._ended_hint = "its earlier changes remain"
+        #: the end of a script in words, empty for a line
+        self._ended = ""
         self._endless_hint = "the changes of its commands remain"
         #: the place of the last served call, None if none
         self._last: str | None = None
@@ -150,8 +152,17 @@ class TclRun:
             return DvtcliError(f"{place}: the Tcl process ended the script for an unknown reason", why=end.how[:40])
         return UsageError(
             f"{place}: {end.message[:_MOST_OF_A_MESSAGE]}", place=place,
-            hint="; ".join(filter(None, [modern(end.message), self._ended_hint])),
+            hint=self._hint(end.message),
         )  # fmt: skip
+
+    def _hint(self, message: str) -> Hint | str | None:
+        """What to do after the error *message*, and what remains of the script if it called dvtcli."""
+        said = [self._ended, "its earlier changes remain" if self._last is not None else ""]
+        rest = "; ".join(filter(None, said))
+        first = modern(message)
+        if isinstance(first, Hint):
+            return first + f"; {rest}" if rest else first
+        return "; ".join(filter(None, [first, rest])) or None
 
     def _answered(self, call: Call) -> CallResult:
         """Run a served command; returns its answer, or the reason for an error that the script may catch."""
@@ -236,7 +247,7 @@ class TclScript(TclRun):
     ) -> None:
         self._path = Path(source).resolve()
         super().__init__(session, source, process, TclCalls(session, source, self._path.parent), limits, start_s)
-        self._ended_hint = f"the script ended at this line; {self._ended_hint}"
+        self._ended = "the script ended at this line"
         self._endless_hint += "; run --max-seconds N allows more time"
 
     def check(self) -> None:

@@ -137,9 +137,9 @@ class NetworkCalls:
         """Import every answering node and the links between them to the network *file* (.yaml).
 
         *folder*: its EDS, DCF, XDD and XDC files instead of the bus; *from_manager* (1…127): what this CANopen manager
-        downloads to its nodes (0x1F22, CiA 302-3). Returns remarks: omissions, differing layouts. Overwriting needs
-        *yes*. Raises NoAnswer if no node answers, UsageError for another suffix, if the file cannot be written, or if
-        the node is no manager.
+        downloads to its nodes (0x1F22, CiA 302-3). Returns remarks, empty for none: omissions, differing layouts.
+        Overwriting needs *yes*. Raises NoAnswer if no node answers, UsageError for another suffix, if the file cannot
+        be written, or if the node is no manager.
         """
         from dvtcli.operations.exchange.import_network import import_network
 
@@ -162,8 +162,8 @@ class NetworkCalls:
         """Export all answering nodes: to a DBC file (.dbc), or a nodelist (.cpj) with a DCF each.
 
         *services*, *split_bits* and *everything* are for a DBC file, as in `dvtcli.convert`; *twice* for a nodelist, as
-        in a node's `export`. Returns omissions. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError
-        for another suffix, or if a file cannot be written.
+        in a node's `export`. Returns omissions, empty for none. Overwriting needs *yes*. Raises NoAnswer if no node
+        answers; UsageError for another suffix, or if a file cannot be written.
         """
         from dvtcli.operations.exchange.export_file import export_all
 
