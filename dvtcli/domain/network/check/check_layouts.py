@@ -308,6 +308,6 @@ OF_EACH_PDO = (
     _judged("dummy-length", ERROR, "maps a dummy with a length other than its type's"),
     _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
     _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
-    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits on a device that takes 11"),
+    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits on a device that accepts 11"),
     _judged("rtr-bit", ERROR, "has the wrong bit 30 for its family"),
 )  # fmt: skip

@@ -157,7 +157,7 @@ def test_a_dry_run_writes_nothing(offline: Bench) -> None:
     [
         ("eds add nothing", 2, "no such file or folder, and no family"),
         ("eds add nobody.eds", 4, "has no vendor number (0 is not assigned)"),
-        ("eds add lely", 4, "names no vendor number"),
+        ("eds add lely", 4, "has no vendor number"),
         ("eds add empty", 2, "no EDS, DCF, XDD or XDC file"),
         ("eds add nobody.eds gen4 --identity vendor=1,product=2", 2, "--identity: one file has it, and these are 2"),
         ("eds add nobody.eds --identity vendor=1", 2, "--identity: vendor and product are needed"),
