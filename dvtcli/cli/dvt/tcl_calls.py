@@ -13,7 +13,6 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.dvt.words import WORDS, DvtWord, answer, decimal, listed
 from dvtcli.cli.parse_line import parse
 from dvtcli.cli.run_line import run_words
-from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
@@ -101,12 +100,16 @@ class TclCalls:
         return said.answer
 
 
-def modern(message: str) -> Hint | str:
-    """Return how to call a dvtcli command in Tcl, or to run a file, if *message* is Tcl's for an unknown command."""
+def modern(message: str) -> str:
+    """Return how to call a dvtcli command in Tcl, if *message* is Tcl's for an unknown command."""
     found = _NO_COMMAND.fullmatch(message)
-    if found is None and (file := _NO_FILE.fullmatch(message)):
-        return Hint(Action.RUN, {"file": file[1]}, "{} runs a file")
     return f"in Tcl it is `dvtcli {found[1]} …`" if found and found[1] in command_names() else ""
+
+
+def file_as_command(message: str) -> str:
+    """Return the script that was given as a command, if *message* is Tcl's for that; else nothing."""
+    found = _NO_FILE.fullmatch(message)
+    return found[1] if found else ""
 
 
 #: Tcl commands that reach outside of the interpreter: all are refused with a message.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dvtcli.cli.dvt.tcl_calls import Ended, Exit, TclCalls, modern
+from dvtcli.cli.dvt.tcl_calls import Ended, Exit, TclCalls, file_as_command, modern
 from dvtcli.cli.dvt.tcl_wire import (
     Call,
     CallResult,
@@ -26,7 +26,7 @@ from dvtcli.cli.dvt.tcl_wire import (
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run
 from dvtcli.cli.scripts.script_parse import script_text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.hint import Hint
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError, ended_with
 from dvtcli.files.bounded_process import BoundedProcess, child_command
 
@@ -159,10 +159,10 @@ class TclRun:
         """What to do after the error *message*, and what remains of the script if it called dvtcli."""
         said = [self._ended, "its earlier changes remain" if self._last is not None else ""]
         rest = "; ".join(filter(None, said))
-        first = modern(message)
-        if isinstance(first, Hint):
-            return first + f"; {rest}" if rest else first
-        return "; ".join(filter(None, [first, rest])) or None
+        if file := file_as_command(message):
+            runs = Hint(Action.RUN, {"file": file}, "{} runs a file")
+            return runs + f"; {rest}" if rest else runs
+        return "; ".join(filter(None, [modern(message), rest])) or None
 
     def _answered(self, call: Call) -> CallResult:
         """Run a served command; returns its answer, or the reason for an error that the script may catch."""

@@ -151,7 +151,7 @@ def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | Non
 
 
 @pytest.mark.parametrize(("rates", "note"), [
-    ([250, None, 250], "--at 250000`, or add master: {baudrate: 250} (kbit/s)"),
+    ([250, None, 250], "--at 250000`, or, with a master, master: {baudrate: 250}"),
     ([250, 500], "the files have several bit rates: 250, 500 kbit/s; a network has one"),
     ([None, None], None),
     ([0], None),
