@@ -22,6 +22,7 @@ from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.output import Output
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
@@ -32,9 +33,9 @@ _TICK_S = 0.1
 _SOURCE = "<stdin>"
 
 
-def is_a_program(session: Conversation) -> bool:
+def is_a_program(output: Output) -> bool:
     """Whether a program may be waiting for each answer at the other end of stdin; not for a file."""
-    if not session.output.json:
+    if not output.json:
         return False
     kind = os.fstat(sys.stdin.fileno()).st_mode
     return stat.S_ISFIFO(kind) or stat.S_ISSOCK(kind)

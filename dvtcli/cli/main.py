@@ -19,6 +19,7 @@ from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import TypedTcl
+    from dvtcli.device.cancellation import Cancellation
     from dvtcli.device.target_config import TargetConfig
 
 
@@ -26,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
     install()
     # before the bus is opened there is nothing to end in order, and a Ctrl-C ends the program at once
-    session = Conversation(Output(), on_open=lambda: _catch_signals(session))
+    session = Conversation(Output(), on_open=lambda: _catch_signals(session.cancellation))
     words = sys.argv[1:] if argv is None else argv
     if "--json" in words:  # also for errors that are found before the option is read
         session.start({"format": "json"})
@@ -58,10 +59,10 @@ def main(argv: list[str] | None = None) -> int:
     return ended or closing
 
 
-def _catch_signals(session: Conversation) -> None:
+def _catch_signals(cancellation: Cancellation) -> None:
     from dvtcli.cli.signals import catch_signals
 
-    catch_signals(session.cancellation)
+    catch_signals(cancellation)
 
 
 def _closed(session: Conversation) -> None:
@@ -86,7 +87,7 @@ class ImportedRunners:
             return run_prompt(session)
         from dvtcli.cli.live_lines import answer_lines, is_a_program
 
-        if is_a_program(session):
+        if is_a_program(session.output):
             return answer_lines(session)
         from dvtcli.cli.scripts.script import run_script
         from dvtcli.cli.scripts.script_parse import MOST_BYTES

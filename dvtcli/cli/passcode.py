@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.hint import Action, Hint
@@ -37,7 +37,9 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
         raise SafetyRefusal(
             f"no terminal to ask for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
         )
-    return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
+    return _number(
+        _asked(session.output.stderr, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode"
+    )
 
 
 def _agreed(session: SessionNodes, project: File, node_id: int) -> None:
@@ -57,19 +59,19 @@ def _agreed(session: SessionNodes, project: File, node_id: int) -> None:
     session.require_yes(question, node_id, Hint(Action.GIVE_INTERFACE, why="{} chooses the bus"), "not logged in")
 
 
-def _asked(session: Conversation, question: str, node_id: int) -> str:
+def _asked(stderr: TextIO, question: str, node_id: int) -> str:
     import warnings
     from getpass import GetPassWarning, getpass
 
     with warnings.catch_warnings():
         warnings.simplefilter("error", GetPassWarning)
         try:
-            return getpass(question, session.output.stderr)
+            return getpass(question, stderr)
         except KeyboardInterrupt:
-            session.output.stderr.write("\n")  # what is said next begins a line
+            stderr.write("\n")  # what is said next begins a line
             raise
         except (GetPassWarning, EOFError) as failed:
-            session.output.stderr.write("\n")
+            stderr.write("\n")
             why = None if isinstance(failed, EOFError) else "this terminal cannot hide typed characters"
             raise SafetyRefusal(
                 "not logged in: no passcode was given",

@@ -11,12 +11,12 @@ from dvtcli.domain.process_data import is_named_as_process_data, is_standard_com
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.device.target_config import Place
+    from dvtcli.domain.profile import ObjectAddress
 
 _MAKERS = range(0x2000, 0x6000)
 
 
-def is_no_setting(node: ReadableNode, place: Place) -> bool:
+def is_no_setting(node: ReadableNode, place: ObjectAddress) -> bool:
     """True if the object at *place* is a command, a target or an output, by a standard or for a manufacturer's object.
 
     A manufacturer's object counts by its name, if a PDO can carry it, and always if an enabled RPDO maps it, whatever
@@ -34,12 +34,12 @@ def is_no_setting(node: ReadableNode, place: Place) -> bool:
     return _is_taken(node, place)
 
 
-def is_process_data(node: ReadableNode, place: Place) -> bool:
+def is_process_data(node: ReadableNode, place: ObjectAddress) -> bool:
     """True if a machine may change the object at *place* at any time: no setting, or mapped in an enabled RPDO."""
     return is_no_setting(node, place) or _is_taken(node, place)
 
 
-def _is_taken(node: ReadableNode, place: Place) -> bool:
+def _is_taken(node: ReadableNode, place: ObjectAddress) -> bool:
     return any(
         (mapped.index, mapped.sub_index) == place
         for pdo, config in node.known_pdos().items()

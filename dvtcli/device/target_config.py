@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.text import value_text
 
 if TYPE_CHECKING:
@@ -69,7 +70,6 @@ def _as_multiplexed(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[st
         yield f"0x{pdo.mapping_index:04X}:01 is {texts[0]}, expected {texts[1]}"
 
 
-Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
 Difference = tuple[str, str]
 #: The value of the object at a place, in words.
@@ -85,7 +85,7 @@ class TargetConfig:
     """
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
-    values: dict[Place, bytes] = field(default_factory=dict)
+    values: dict[ObjectAddress, bytes] = field(default_factory=dict)
     requested: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
     #: differences that nobody would write
     unwritten: tuple[Difference, ...] = ()
@@ -163,7 +163,7 @@ def _config_differences(node: ReadableNode, target: TargetConfig, format_value: 
 
 
 def value_differences(
-    node: ReadableNode, values: Mapping[Place, bytes], format_value: ValueFormatter = value_in_hex
+    node: ReadableNode, values: Mapping[ObjectAddress, bytes], format_value: ValueFormatter = value_in_hex
 ) -> Iterator[Difference]:
     """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():

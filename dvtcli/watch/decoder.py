@@ -12,6 +12,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.text import plural
 from dvtcli.watch.service import Service, service_of
@@ -293,11 +294,9 @@ class Misfits:
 #: objects of the servers; sub-index 1 is the COB-ID to the server, 2 that from it
 SDO_SERVERS = range(0x1200, 0x1280)
 _WORDS = {1: "request", 2: "answer"}
-#: index, sub-index
-Place = tuple[int, int]
 
 
-def server_layouts(node_id: int, numbers: Mapping[Place, int]) -> dict[Address, Layout]:
+def server_layouts(node_id: int, numbers: Mapping[ObjectAddress, int]) -> dict[Address, Layout]:
     """Return a layout for each CAN-ID of the SDO servers of *node_id*: `SDO2 request` and `SDO2 answer` of 0x1201.
 
     *numbers* are values of its objects; a disabled COB-ID has no layout.
@@ -323,7 +322,7 @@ def srdo_name(index: int, sub_index: int) -> str:
 
 
 def described_channels(
-    node_id: int, dictionary: ObjectDictionary | None, written: Mapping[Place, int] | None = None
+    node_id: int, dictionary: ObjectDictionary | None, written: Mapping[ObjectAddress, int] | None = None
 ) -> dict[Address, Layout]:
     """Return layouts of further SDO servers and SRDOs by the values in *dictionary*, and by those *written* instead."""
     said = dict(written or {})
@@ -341,7 +340,7 @@ def described_channels(
     return srdos | server_layouts(node_id, said)
 
 
-def _initial(dictionary: ObjectDictionary, place: Place, node_id: int) -> int | None:
+def _initial(dictionary: ObjectDictionary, place: ObjectAddress, node_id: int) -> int | None:
     entry = dictionary.entry(*place)
     data = None if entry is None else entry.initial(node_id)
     return None if data is None else int.from_bytes(data, "little")

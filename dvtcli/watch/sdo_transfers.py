@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import KnownValues
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.ports import Frame
 
-#: index and sub-index
-Place = tuple[int, int]
 #: the server's node-ID, None if unknown, and its name of the pair of CAN-IDs
 Channel = tuple[int | None, str]
 #: bytes of an SDO frame, and the first byte of an abort
@@ -45,7 +44,7 @@ class SdoStep(NamedTuple):
 
     step: str
     is_write: bool | None = None
-    place: Place | None = None
+    place: ObjectAddress | None = None
     data: bytes = b""
     size: int | None = None
     position: int = 0
@@ -76,7 +75,7 @@ class _Transfer:
     """
 
     is_write: bool
-    place: Place
+    place: ObjectAddress
     size: int | None = None
     way: str = "segments"
     data: bytearray = field(default_factory=bytearray)
@@ -301,7 +300,7 @@ def _first(data: bytes, *, is_write: bool) -> _Transfer:
     return found
 
 
-def _place(data: bytes) -> Place:
+def _place(data: bytes) -> ObjectAddress:
     return int.from_bytes(data[1:3], "little"), data[3]
 
 
@@ -321,7 +320,7 @@ class ReceivedValues(KnownValues):
     """Received *values* of a node, with the same interface as the node."""
 
     node_id: int
-    values: Mapping[Place, bytes]
+    values: Mapping[ObjectAddress, bytes]
 
     def known_value(self, index: int, sub_index: int) -> bytes:
         """The last received value. Raises SdoAborted if none was received."""
@@ -334,7 +333,7 @@ class ReceivedValue(NamedTuple):
     """A node's object of which a transfer was complete: written, or read."""
 
     node_id: int
-    place: Place
+    place: ObjectAddress
     is_written: bool
 
 
@@ -342,10 +341,10 @@ class ReceivedValue(NamedTuple):
 class _NodeValues:
     """The last values of a node, and those that it has stored."""
 
-    last: dict[Place, bytes] = field(default_factory=dict)
-    stored: dict[Place, bytes] = field(default_factory=dict)
+    last: dict[ObjectAddress, bytes] = field(default_factory=dict)
+    stored: dict[ObjectAddress, bytes] = field(default_factory=dict)
 
-    def hold(self, place: Place, data: bytes, *, is_written: bool) -> None:
+    def hold(self, place: ObjectAddress, data: bytes, *, is_written: bool) -> None:
         """Hold *data*; a written 0x1010 or 0x1011 says what is stored."""
         index, sub_index = place
         if not is_written or index not in (_STORE, _RESTORE):

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import DATA_TYPES, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.numbers import encode_value, same_value
 from dvtcli.files.eds.reader import parse_eds
-from dvtcli.files.eds.write_dcf import Commissioned, Place, value_text, write_dcf
+from dvtcli.files.eds.write_dcf import Commissioned, value_text, write_dcf
 from dvtcli.files.profile.toml import builtin_path
 from tests.corpus.oddities import OddFile, odd_files
 from tests.files.test_eds_any import LINES
@@ -79,7 +80,7 @@ def eds_of(family: str) -> bytes:
     return path.read_bytes()
 
 
-def held(dictionary: ObjectDictionary, rng: random.Random) -> dict[Place, bytes]:
+def held(dictionary: ObjectDictionary, rng: random.Random) -> dict[ObjectAddress, bytes]:
     """Something that each object may hold: its default, or anything of its type."""
     found = {}
     for entry in dictionary.entries():
@@ -99,7 +100,7 @@ def held(dictionary: ObjectDictionary, rng: random.Random) -> dict[Place, bytes]
     return found
 
 
-def unlike(dictionary: ObjectDictionary, values: dict[Place, bytes]) -> list[str]:
+def unlike(dictionary: ObjectDictionary, values: dict[ObjectAddress, bytes]) -> list[str]:
     """Objects of which a file does not say what it should: their value, or, where none was asked for, no value."""
     found = []
     for entry in dictionary.entries():
@@ -221,7 +222,7 @@ def test_whatever_the_file_a_dcf_says_what_was_held_or_there_is_none(lines: list
     assert write_dcf(made.data, "any.dcf", values, DEVICE).left_out.keys() <= values.keys()
 
 
-def made_of(text: str, values: dict[Place, bytes]) -> str:
+def made_of(text: str, values: dict[ObjectAddress, bytes]) -> str:
     return write_dcf(text.encode(), "short.eds", values, DEVICE).data.decode()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.screen.widgets import TextDialog
@@ -13,6 +13,7 @@ from dvtcli.operations.pdos.edit_pdos import plan_edited
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.typed_hints import TypedHints
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.exchange.edit_file import Edited
     from dvtcli.operations.results import Changed
@@ -35,7 +36,7 @@ def _of_node(
     result = plan_edited(session, node_id, edited.held, edited.changed)
     if titles is not None and len(titles) > 1:
         yield [Cell(f"node {node_id} {titles[node_id]}", "bold")]
-    yield from _result_lines(session, result, max(60, width), of_file=titles is not None)
+    yield from _result_lines(session.output.hints, result, max(60, width), of_file=titles is not None)
     if off := _stay_off(edited):
         labels = join_some(pdo.label for pdo in off)
         yield [Cell(f"{labels} {'stays' if len(off) == 1 else 'stay'} off: e enables a PDO", "yellow")]
@@ -46,12 +47,14 @@ def _stay_off(edited: Edited) -> list[Pdo]:
     return [pdo for pdo, config in edited.changed.items() if not (config.enabled or held[pdo].enabled)]
 
 
-def _result_lines(session: Conversation, result: Changed, width: int, *, of_file: bool) -> Iterator[list[Cell]]:
+def _result_lines(
+    hints: Callable[[], TypedHints], result: Changed, width: int, *, of_file: bool
+) -> Iterator[list[Cell]]:
     found: list[Line] = [*remarks(result)]
     if of_file:  # a file is written all the same: nothing is forced, and options of `map` help nobody
         found = [[Cell(f"{each.severity}: {each.text} [{each.rule}]", "yellow")] for each in result.findings]
     for line in (*text(result, width), *found):
-        cells = _cells(session, line)
+        cells = _cells(hints, line)
         whole = "".join(cell.text for cell in cells)
         if columns(whole) <= width:
             yield cells
@@ -59,8 +62,8 @@ def _result_lines(session: Conversation, result: Changed, width: int, *, of_file
             yield from ([Cell(part, cells[0].style)] for part in broken(whole, width))
 
 
-def _cells(session: Conversation, line: Line) -> list[Cell]:
-    shown = with_hints(line, session.output.hints)
+def _cells(hints: Callable[[], TypedHints], line: Line) -> list[Cell]:
+    shown = with_hints(line, hints)
     if isinstance(shown, str):
         return [Cell(shown)]
     return [shown] if isinstance(shown, Cell) else list(shown)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from dvtcli.device.process_data import is_no_setting
 from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.store.pending import GROUPS
-from dvtcli.device.target_config import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, SdoAborted
@@ -28,16 +28,16 @@ class Snapshot:
     """
 
     pdos: Mapping[Pdo, PdoConfig]
-    values: Mapping[Place, bytes]
+    values: Mapping[ObjectAddress, bytes]
     notes: tuple[str, ...] = ()
-    unread: Mapping[Place, str] = field(default_factory=dict)
+    unread: Mapping[ObjectAddress, str] = field(default_factory=dict)
 
     @classmethod
     def now(cls, node: Node) -> Snapshot:
         """Read the node, without write-only objects and objects that move the machine."""
         written, notes = _written(node)
-        values: dict[Place, bytes] = {}
-        unread: dict[Place, str] = {}
+        values: dict[ObjectAddress, bytes] = {}
+        unread: dict[ObjectAddress, str] = {}
         commands = [place for place in written if is_no_setting(node, place)]
         for place in (place for place in written if place not in commands):
             try:
@@ -54,7 +54,7 @@ class Snapshot:
         notes += (f"not compared: {join_some(blind)}",) if blind else ()
         return cls(node.pdos(), values, notes, unread)
 
-    def of_group(self, sub_index: int) -> dict[Place, bytes]:
+    def of_group(self, sub_index: int) -> dict[ObjectAddress, bytes]:
         """The objects covered by group *sub_index* of 0x1010 or 0x1011; empty for a manufacturer group."""
         return {place: value for place, value in self.values.items() if _is_in(place, sub_index)}
 
@@ -63,12 +63,12 @@ class Snapshot:
         return join_some(text for place, text in self.unread.items() if _is_in(place, sub_index))
 
 
-def _is_in(place: Place, sub_index: int) -> bool:
+def _is_in(place: ObjectAddress, sub_index: int) -> bool:
     low, high = GROUPS.get(sub_index, (1, 0))
     return low <= place[0] <= high
 
 
-def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
+def _written(node: Node) -> tuple[list[ObjectAddress], tuple[str, ...]]:
     """The single objects written by any process, and messages if the list may be incomplete."""
     places, notes = dict.fromkeys(node.wanted_values), ()
     if node.guard is None:
@@ -82,7 +82,7 @@ def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
     return list(places), notes
 
 
-def _values_of(plan: Plan, saves: Callable[[Place], bool]) -> Iterator[Place]:
+def _values_of(plan: Plan, saves: Callable[[ObjectAddress], bool]) -> Iterator[ObjectAddress]:
     for change in plan.changes:
         if isinstance(change, ValueChange) and change.step.before is not None:
             place = (change.step.index, change.step.sub_index)

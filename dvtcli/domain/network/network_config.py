@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import ObjectAddress
 
-Place = tuple[int, int]
 _IDENTITY = 0x1018
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _LINKED = re.compile(r"([0-9]+):([rt]pdo[0-9]+)")
@@ -62,7 +62,7 @@ class PartialPdoConfig:
     keys: Mapping[int, Mark] = field(default_factory=dict, compare=False)
 
     @property
-    def marks(self) -> Iterator[tuple[Place, Mark]]:
+    def marks(self) -> Iterator[tuple[ObjectAddress, Mark]]:
         """The requested objects, each with its place in the file."""
         for sub_index, mark in self.keys.items():
             index = self.pdo.communication_index if sub_index else self.pdo.mapping_index
@@ -159,7 +159,7 @@ class NodeConfig:
         return not (self.pdos or self.objects or self.values or self.watches or self.pins or self.prune or self.stamp)
 
     @property
-    def marks(self) -> dict[Place, Mark]:
+    def marks(self) -> dict[ObjectAddress, Mark]:
         """The requested objects by number, each with its place in the file."""
         found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
         found |= {(config.index, config.sub_index): config.mark for config in self.objects}

@@ -10,10 +10,9 @@ from dvtcli.domain.cob_id import OFF, PRODUCES, can_id_text, is_channel_place
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.finding import Finding
 
-Place = tuple[int, int]
 Identity = Mapping[str, int | None]
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_WINDOW, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1007, 0x1019
@@ -42,7 +41,7 @@ class NodeState:
     node_id: int
     name: str = ""
     pdos: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
-    numbers: Mapping[Place, int] = field(default_factory=dict)
+    numbers: Mapping[ObjectAddress, int] = field(default_factory=dict)
     dictionary: ObjectDictionary | None = None
     profile: DeviceProfile = GENERIC
     title: str = ""
@@ -53,7 +52,7 @@ class NodeState:
     guessed: Mapping[Pdo, str] = field(default_factory=dict)
     unsaid: frozenset[Pdo] = frozenset()
     said: tuple[Finding, ...] = ()
-    places: Mapping[Place, Mark] = field(default_factory=dict)
+    places: Mapping[ObjectAddress, Mark] = field(default_factory=dict)
     unresolved: frozenset[Pdo] = frozenset()
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
@@ -101,7 +100,7 @@ class NodeState:
         return None if held is None or held & OFF else _identifier(held)
 
     @property
-    def sdo_channels(self) -> dict[Place, int]:
+    def sdo_channels(self) -> dict[ObjectAddress, int]:
         """The COB-IDs of further SDO servers and clients (0x1201…, 0x1280…) and of SRDOs, by index and sub-index."""
         return {place: value for place, value in self.numbers.items() if is_channel_place(*place)}
 

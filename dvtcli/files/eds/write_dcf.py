@@ -8,6 +8,7 @@ from datetime import datetime
 
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
@@ -19,16 +20,15 @@ from dvtcli.files.eds.sections import OBJECT_LISTS, EdsLayout, ObjectSections, P
 from dvtcli.files.eds.writer import object_sections
 from dvtcli.files.file_info import write_device_keys
 
-Place = tuple[int, int]
 _OPTIONAL, _SUPPORTED_COUNT = "optionalobjects", "supportedobjects"
 
 
-def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes]) -> dict[Place, str]:
+def write_missing(eds: EdsFile, text: EditedText, values: Mapping[ObjectAddress, bytes]) -> dict[ObjectAddress, str]:
     """Append sections for objects of *values* without a section; returns impossible objects with reasons.
 
     The list of optional objects gets the new objects, if the file has this list.
     """
-    left_out: dict[Place, str] = {}
+    left_out: dict[ObjectAddress, str] = {}
     added = sorted({index for index, _ in values} - eds.layout.objects.keys())
     for index in added:
         if index in eds.dictionary:
@@ -44,7 +44,7 @@ def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes])
     return left_out | dict.fromkeys(unknown, "the file does not describe it")
 
 
-def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Place, str]) -> OdObject:
+def _with_values(one: OdObject, values: Mapping[ObjectAddress, bytes], left_out: dict[ObjectAddress, str]) -> OdObject:
     entries = {}
     for sub_index, entry in one.entries.items():
         data = values.get((one.index, sub_index))
@@ -216,11 +216,11 @@ class DcfText:
     """A DCF as bytes; *said* are the objects with a value in the file, *left_out* the others with their reasons."""
 
     data: bytes
-    said: tuple[Place, ...] = ()
-    left_out: Mapping[Place, str] = field(default_factory=dict)
+    said: tuple[ObjectAddress, ...] = ()
+    left_out: Mapping[ObjectAddress, str] = field(default_factory=dict)
 
 
-def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: Commissioned) -> DcfText:
+def write_dcf(data: bytes, source: str, values: Mapping[ObjectAddress, bytes], device: Commissioned) -> DcfText:
     """Return the EDS or DCF *data* (named *source*) with a ParameterValue for each of *values*.
 
     *values* go by index and sub-index. An existing ParameterValue keeps its text if the value is equal, and is removed
@@ -239,7 +239,7 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
     return DcfText(made, said, writer.left_out)
 
 
-def refuse_unlike_values(made: ObjectDictionary, values: Mapping[Place, bytes], node_id: int) -> None:
+def refuse_unlike_values(made: ObjectDictionary, values: Mapping[ObjectAddress, bytes], node_id: int) -> None:
     """Raise InputFileError if the new file, read back as *made*, differs from *values* of *node_id*."""
     for (index, sub_index), data in values.items():
         entry = made.entry(index, sub_index)
@@ -257,9 +257,9 @@ class DcfWriter:
 
     eds: EdsFile
     text: EditedText
-    values: Mapping[Place, bytes]
+    values: Mapping[ObjectAddress, bytes]
     node_id: int
-    left_out: dict[Place, str] = field(default_factory=dict)
+    left_out: dict[ObjectAddress, str] = field(default_factory=dict)
 
     def write_object(self, index: int) -> None:
         """Write every sub-index: in its own section, in the object's table if it has a row, or in a new section."""
@@ -353,7 +353,7 @@ def _anchor(keys: Values, parts: Parts) -> int:
     return max((value.line for value in keys.values()), default=parts[-1].line)
 
 
-def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_id: int) -> DcfText:
+def change_values(data: bytes, source: str, values: Mapping[ObjectAddress, bytes], node_id: int) -> DcfText:
     """Return the DCF *data* (named *source*) with those of *values* that it does not mean already.
 
     *values* of *node_id* go by index and sub-index. Sections of other objects, and those about the device and the file,
@@ -362,8 +362,8 @@ def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_
     eds = parse_eds(data, source)
     places = {(index, sub) for index in eds.layout.objects for sub in eds.dictionary[index].entries}
     left_out = dict.fromkeys(values.keys() - places, "no section describes it")
-    told: dict[Place, bytes] = {}
-    changes: dict[Place, bytes] = {}
+    told: dict[ObjectAddress, bytes] = {}
+    changes: dict[ObjectAddress, bytes] = {}
     for index, sub_index in places:
         entry = eds.dictionary[index].entries[sub_index]
         value = replace(entry, default=None).initial(node_id)

@@ -17,13 +17,14 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.scaling import parse_offset
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
 from dvtcli.files.dbc import decimal
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.numbers import same_value, written_limit, written_value
-from dvtcli.files.eds.write_dcf import DcfText, Place, refuse_unlike_values, value_text
+from dvtcli.files.eds.write_dcf import DcfText, refuse_unlike_values, value_text
 from dvtcli.files.file_info import NO_DATE, as_attributes
 from dvtcli.files.xdd.xdd_parameters import TYPES, Parameter
 from dvtcli.files.xdd.xdd_reader import NAMESPACES, XddFile, number_of, parse_xdd
@@ -270,7 +271,7 @@ _TAG = re.compile(rb"<[^\s<>/]+")
 _QUOTES = {'"': "&quot;"}
 
 
-def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_id: int) -> DcfText:
+def change_values(data: bytes, source: str, values: Mapping[ObjectAddress, bytes], node_id: int) -> DcfText:
     """Return the XDC *data* (named *source*) with those of *values* that it does not mean already.
 
     *values* of *node_id* go by index and sub-index. Raises InputFileError if *data* is no XDC, is in UTF-16, or a value
@@ -282,8 +283,8 @@ def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_
     writer = _Writer(xdc, data)
     described = dict(_elements(xdc))
     left_out = dict.fromkeys(values.keys() - described.keys(), "the file does not describe it")
-    told: dict[Place, bytes] = {}
-    changes: dict[Place, bytes] = {}
+    told: dict[ObjectAddress, bytes] = {}
+    changes: dict[ObjectAddress, bytes] = {}
     for (index, sub_index), element in described.items():
         entry = xdc.dictionary[index].entries[sub_index]
         if (value := replace(entry, default=None).initial(node_id)) is not None:
@@ -302,7 +303,7 @@ def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_
     return DcfText(made, tuple(changes), left_out)
 
 
-def _elements(xdc: XddFile) -> Iterator[tuple[Place, XmlElement]]:
+def _elements(xdc: XddFile) -> Iterator[tuple[ObjectAddress, XmlElement]]:
     """Iterate over the entries of the dictionary, each with the element that describes it."""
     unread = Findings()
     for index, element in xdc.objects.items():

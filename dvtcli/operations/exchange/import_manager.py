@@ -28,6 +28,7 @@ from dvtcli.domain.network.network_config import (
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import MAX_ENTRIES, MAX_PDO_BITS, Pdo, PdoMappingEntry
 from dvtcli.domain.plan import STAMP
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.network_keys import OF, Where
@@ -91,7 +92,6 @@ def _text(kind: DataType, data: bytes) -> str:
     return str(int(value)) if isinstance(value, bool) else str(value)
 
 
-Place = tuple[int, int]
 _BEHAVIOUR, _CONSUMER = 0x1029, 0x1016
 
 
@@ -99,8 +99,8 @@ _BEHAVIOUR, _CONSUMER = 0x1029, 0x1016
 class _Left:
     """Downloads to a node in order, removed when converted. *unsaid*: those that cannot be, with reasons."""
 
-    data: dict[Place, bytes]
-    unsaid: dict[Place, str] = field(default_factory=dict)
+    data: dict[ObjectAddress, bytes]
+    unsaid: dict[ObjectAddress, str] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int, size: int) -> int | None:
         """Remove and return a number of *size* bytes; None if not downloaded or of another size."""
@@ -136,7 +136,7 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
     return Exported(config, own, tuple(text.partition(" ")[0] for text in unsaid)), unsaid
 
 
-def _repeated(downloads: Sequence[ConciseEntry]) -> dict[Place, str]:
+def _repeated(downloads: Sequence[ConciseEntry]) -> dict[ObjectAddress, str]:
     """Report repeated downloads, as for unlocking: each may have an effect, and a file has only the last.
 
     Excluded are PDOs, which are disabled while being set, and a stamp.

@@ -34,10 +34,10 @@ from dvtcli.domain.network.network_state import (
     TIME_COB_ID,
     NetworkState,
     NodeState,
-    Place,
 )
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def states_beside(session: SessionNodes, read: Collection[int]) -> list[NodeStat
     return found
 
 
-def timing_numbers(sdo: SdoReader) -> dict[Place, int]:
+def timing_numbers(sdo: SdoReader) -> dict[ObjectAddress, int]:
     """Read the numbers besides PDOs that a bus load depends on, if the node has them."""
     return dict(_numbers(sdo, TIMING, {CONSUMER_HEARTBEAT: 4}))
 
@@ -132,7 +132,7 @@ def _downloads(sdo: SdoReader) -> Iterator[tuple[int, bytes]]:
 
 def _numbers(
     sdo: SdoReader, places: Iterable[tuple[int, int, int]], arrays: Mapping[int, int]
-) -> Iterator[tuple[Place, int]]:
+) -> Iterator[tuple[ObjectAddress, int]]:
     for index, sub_index, size in places:
         if (value := _number(sdo, index, sub_index, size)) is not None:
             yield (index, sub_index), value

@@ -25,6 +25,7 @@ from dvtcli.domain.network.network_config import ValueConfig
 from dvtcli.domain.network.network_plan import MissingObject
 from dvtcli.domain.object_syntax import Skipped, UnknownName
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import ERROR, Rule, error
@@ -119,7 +120,6 @@ def _index(node: NodeDescription, config: PinConfig, log: FileLog) -> int | None
         return None
 
 
-Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016
 #: What to do about a name on a node without description.
 _NO_EDS = (
@@ -133,10 +133,10 @@ class ResolvedConfig:
     """The wanted PDOs and objects of a node in order, with reasons; *pruned*: PDOs not in any file."""
 
     pdos: dict[Pdo, AnyPdoRequest] = field(default_factory=dict)
-    values: dict[Place, bytes] = field(default_factory=dict)
-    reasons: dict[Place, str] = field(default_factory=dict)
+    values: dict[ObjectAddress, bytes] = field(default_factory=dict)
+    reasons: dict[ObjectAddress, str] = field(default_factory=dict)
     #: its lines in the file
-    lines: dict[Place, int] = field(default_factory=dict)
+    lines: dict[ObjectAddress, int] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
 
 
@@ -167,7 +167,7 @@ def _wanted(node: ReadableNode, config: NodeConfig, log: FileLog) -> Iterator[Re
     watches = _watches(node, config, said, log)
     taken = {watch.place for watch in watches}
     pins = wanted_pins(node, config.pins, log)
-    found: dict[Place, ResolvedValue] = {}
+    found: dict[ObjectAddress, ResolvedValue] = {}
     for want in (
         *(said_value for said_value in said if not (_is_free_entry(said_value) and said_value.place in taken)),
         *watches,
@@ -188,7 +188,7 @@ def _whence(want: ResolvedValue) -> str:
     return f"line {want.mark.line}: {want.reason}" if want.mark.line else want.reason
 
 
-def _shown(place: Place) -> str:
+def _shown(place: ObjectAddress) -> str:
     return f"0x{place[0]:04X}:{place[1]:02X}"
 
 
@@ -271,11 +271,11 @@ def _values(node: ReadableNode, config: NodeConfig, log: FileLog) -> Iterator[Re
             log.complain(value.object.mark, aborted.text)
 
 
-def _name(node: NodeDescription, place: Place) -> str:
+def _name(node: NodeDescription, place: ObjectAddress) -> str:
     return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
 
 
-def set_elsewhere(node: NodeDescription, place: Place) -> str:
+def set_elsewhere(node: NodeDescription, place: ObjectAddress) -> str:
     """Explain why `sdo` of a file must not set the object at *place*, and what does; empty if it may."""
     index, text = place[0], _shown(place)
     if index in SIGNATURES:
@@ -289,7 +289,7 @@ def set_elsewhere(node: NodeDescription, place: Place) -> str:
     return ""
 
 
-def _why_not(node: ReadableNode, place: Place) -> str:
+def _why_not(node: ReadableNode, place: ObjectAddress) -> str:
     """Explain why a file must not set the object at *place*; empty if it may."""
     if elsewhere := set_elsewhere(node, place):
         return elsewhere
@@ -407,7 +407,7 @@ def without_missing(
     return left, missing
 
 
-def _look_ahead(node: ReadableNode, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mark]) -> None:
+def _look_ahead(node: ReadableNode, pdos: Mapping[Pdo, Mark], places: Mapping[ObjectAddress, Mark]) -> None:
     """Read *pdos* and *places* ahead; read errors are raised later, at their use."""
     for pdo in pdos:
         with suppress(DvtcliError):
@@ -417,7 +417,7 @@ def _look_ahead(node: ReadableNode, pdos: Mapping[Pdo, Mark], places: Mapping[Pl
             node.known_value(*place)
 
 
-def _places(node: NodeDescription, config: NodeConfig) -> Iterator[tuple[Place, Mark]]:
+def _places(node: NodeDescription, config: NodeConfig) -> Iterator[tuple[ObjectAddress, Mark]]:
     """Yield the single objects that *config* sets, with their places in the file; forbidden objects are left out."""
     configs: tuple[ObjectConfig | ValueConfig, ...] = (*config.objects, *config.values)
     for object_config in configs:
@@ -429,7 +429,7 @@ def _places(node: NodeDescription, config: NodeConfig) -> Iterator[tuple[Place, 
             yield place, mark
 
 
-def _place_of(node: NodeDescription, one: ObjectConfig | ValueConfig) -> Place | None:
+def _place_of(node: NodeDescription, one: ObjectConfig | ValueConfig) -> ObjectAddress | None:
     """Resolve an object name; None if *node* does not know it."""
     if not isinstance(one, ValueConfig):
         return one.index, one.sub_index
@@ -446,7 +446,7 @@ class MissingObjects:
     log: FileLog
     found: list[MissingObject] = field(default_factory=list)
     unlinked: tuple[tuple[int, Pdo], ...] = ()
-    _places: set[tuple[int, Place]] = field(default_factory=set)
+    _places: set[tuple[int, ObjectAddress]] = field(default_factory=set)
 
     def of(self, node_id: int) -> tuple[str, ...]:
         """List labels of what the node with *node_id* lacks."""
@@ -463,7 +463,7 @@ class MissingObjects:
             finding = error("pdo-lacking", place, missing.text, hint=missing.hint)
             self._take(node, pdo, finding, mark, missing.abort)
 
-    def look_at(self, node: ReadableNode, place: Place, mark: Mark) -> None:
+    def look_at(self, node: ReadableNode, place: ObjectAddress, mark: Mark) -> None:
         """Add the object at *place* if *node* does not have it; other errors are reported elsewhere."""
         try:
             node.known_value(*place)

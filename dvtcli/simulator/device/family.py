@@ -14,9 +14,8 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access
 from dvtcli.domain.pdo import Direction
-from dvtcli.domain.profile import BitPolicy
+from dvtcli.domain.profile import BitPolicy, ObjectAddress
 
-Object = tuple[int, int]
 Range = tuple[int, int]
 
 _NOTHING: Mapping[Any, Any] = MappingProxyType({})
@@ -31,7 +30,7 @@ class PinCopy(NamedTuple):
     """
 
     selector: int
-    pins: tuple[Object, ...]
+    pins: tuple[ObjectAddress, ...]
     to_pin: bool
     bitwise: bool = False
 
@@ -40,8 +39,8 @@ class MotorCopy(NamedTuple):
     """The virtual PDOs of the motors: *down* copies selected:sub → profile object, *up* the other way."""
 
     selector: int
-    down: Mapping[int, Object]
-    up: Mapping[int, Object]
+    down: Mapping[int, ObjectAddress]
+    up: Mapping[int, ObjectAddress]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +62,9 @@ class Login:
 class ErrorList:
     """The error list of a device beside CiA 301: number of errors, selected position, and its code (u16)."""
 
-    count: Object
-    position: Object
-    code: Object
+    count: ObjectAddress
+    position: ObjectAddress
+    code: ObjectAddress
 
 
 class Family(NamedTuple):
@@ -77,7 +76,7 @@ class Family(NamedTuple):
     #: its special features, in a few words
     about: str = ""
     #: objects of the EDS missing in the device, with the abort code; sub-index 0 for a whole object
-    absent: Mapping[Object, int] = _NOTHING
+    absent: Mapping[ObjectAddress, int] = _NOTHING
     #: the connected modules of a modular device, by their numbers in its EDS
     modules: tuple[int, ...] = ()
     #: whether `learn` wrote it with a profile, so that it is no independent check of the profile
@@ -163,7 +162,7 @@ class Family(NamedTuple):
     #: range of indices lost at a reset unless stored, all others are stored at once; None: everything must be stored
     needs_store: Range | None = None
     #: an object that stores everything when written
-    save_command: Object | None = None
+    save_command: ObjectAddress | None = None
     #: the value of 0x1010:s, and of 0x1011:s without *restore_capability*
     store_capability: int = 1
     #: the value of 0x1011:s, if different
@@ -181,7 +180,7 @@ class Family(NamedTuple):
 
     # --- errors
     #: the object that explains abort 0x08000000
-    extended_error: Object | None = None
+    extended_error: ObjectAddress | None = None
     #: abort code -> reason, for codes hidden behind 0x08000000
     reasons: Mapping[int, int] = _NOTHING
     #: the list of active errors, the highest code first
@@ -193,11 +192,11 @@ class Family(NamedTuple):
     #: whether the device sends a boot-up message
     boot_up_message: bool = True
     #: an object that reads the NMT state
-    state_object: Object | None = None
+    state_object: ObjectAddress | None = None
     #: an object that forces the state (1 PRE-OPERATIONAL, 0 OPERATIONAL) if *master_object* is 1
-    state_request: Object | None = None
+    state_request: ObjectAddress | None = None
     #: an object that is 1 if the device is the NMT master, which ignores NMT commands
-    master_object: Object | None = None
+    master_object: ObjectAddress | None = None
     #: whether the device ignores a request to leave OPERATIONAL, like a vehicle in motion
     stays_operational: bool = False
 

@@ -11,8 +11,9 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
-from dvtcli.simulator.device.family import Family, MotorCopy, Object, PinCopy
+from dvtcli.simulator.device.family import Family, MotorCopy, PinCopy
 from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
 from dvtcli.simulator.device.safety import SafetyObjects
@@ -122,7 +123,7 @@ class VirtualPdos:
             if selected & 0xFF != 0xFF:
                 yield pin, selected
 
-    def _copy_pin(self, group: PinCopy, pin: int, selected: Object) -> None:
+    def _copy_pin(self, group: PinCopy, pin: int, selected: ObjectAddress) -> None:
         place, bit = divmod(pin - 1, 8) if group.bitwise else (pin - 1, 0)
         if place >= len(group.pins):
             return
@@ -134,7 +135,7 @@ class VirtualPdos:
         else:
             self._put(selected, self._memory.number(*physical) >> bit & 1)
 
-    def _set_bit(self, place: Object, bit: int, value: int) -> None:
+    def _set_bit(self, place: ObjectAddress, bit: int, value: int) -> None:
         others = self._memory.number(*place) & ~(1 << bit)
         self._put(place, others | (1 << bit if value else 0))
 
@@ -145,11 +146,11 @@ class VirtualPdos:
             for sub_index, profile in motors.up.items():
                 self._move(profile, (motor, sub_index))
 
-    def _move(self, source: Object, target: Object) -> None:
+    def _move(self, source: ObjectAddress, target: ObjectAddress) -> None:
         if self._memory.exists(*source):
             self._put(target, self._memory.number(*source))
 
-    def _put(self, place: Object, value: int) -> None:
+    def _put(self, place: ObjectAddress, value: int) -> None:
         size = self._memory.size(*place)
         if size is None or not self._memory.exists(*place):
             return

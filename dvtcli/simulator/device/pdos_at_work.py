@@ -20,6 +20,7 @@ from dvtcli.domain.pdo import (
     total_bits,
 )
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Memory
@@ -365,7 +366,6 @@ MPDO_BYTES = 8
 _TO_DESTINATION, _ALL_NODES = 0x80, 0
 _VALUE_BYTES = 4
 _NEVER = float("inf")
-_Place = tuple[int, int]
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -383,9 +383,9 @@ class MultiplexedTpdo:
     event_s: float
     #: when the next frame may be due without a change of an object (s)
     due_s: float = -_NEVER
-    _sent: dict[_Place, bytes] = field(default_factory=dict)
+    _sent: dict[ObjectAddress, bytes] = field(default_factory=dict)
     #: objects that wait for the inhibit time, in their order
-    _waiting: dict[_Place, None] = field(default_factory=dict)
+    _waiting: dict[ObjectAddress, None] = field(default_factory=dict)
     _inhibited_until_s: float = -_NEVER
     _event_due_s: float = -_NEVER
 
@@ -408,23 +408,23 @@ class MultiplexedTpdo:
         self.due_s = min(later_s, self._inhibited_until_s) if self._waiting else later_s
         return frames
 
-    def _objects(self) -> Iterator[_Place]:
+    def _objects(self) -> Iterator[ObjectAddress]:
         """The objects that the device has, and that fit."""
         for place in self._listed() if self.count == SAM_MPDO else self._mapped():
             if self.memory.exists(*place) and len(self.memory.read(*place)) <= _VALUE_BYTES:
                 yield place
 
-    def _listed(self) -> Iterator[_Place]:
+    def _listed(self) -> Iterator[ObjectAddress]:
         for index, sub_index in _entries(self.memory, SCANNER_LISTS):
             entry = listed_objects(index, self.memory.number(index, sub_index))
             if entry is not None:
                 yield from ((entry.index, entry.sub_index + offset) for offset in range(max(entry.count, 1)))
 
-    def _mapped(self) -> Iterator[_Place]:
+    def _mapped(self) -> Iterator[ObjectAddress]:
         entry = PdoMappingEntry.from_raw(self.memory.number(self.pdo.mapping_index, 1))
         yield entry.index, entry.sub_index
 
-    def _frame(self, place: _Place) -> bytes:
+    def _frame(self, place: ObjectAddress) -> bytes:
         value = self._sent[place] = self.memory.read(*place)
         node = self.memory.node_id if self.count == SAM_MPDO else _TO_DESTINATION | _ALL_NODES
         head = bytes([node]) + place[0].to_bytes(2, "little") + bytes([place[1]])
@@ -448,7 +448,7 @@ def take_mpdo(memory: Memory, count: int, data: bytes) -> bool:
     return all(written)
 
 
-def _dispatched(memory: Memory, node: int, index: int, sub_index: int) -> Iterator[_Place]:
+def _dispatched(memory: Memory, node: int, index: int, sub_index: int) -> Iterator[ObjectAddress]:
     """The own objects that the object *index*:*sub_index* of *node* sets."""
     for own_list, own_sub in _entries(memory, DISPATCHER_LISTS):
         entry = listed_objects(own_list, memory.number(own_list, own_sub))
@@ -459,14 +459,14 @@ def _dispatched(memory: Memory, node: int, index: int, sub_index: int) -> Iterat
             yield entry.index, entry.sub_index + offset
 
 
-def _entries(memory: Memory, lists: range) -> Iterator[_Place]:
+def _entries(memory: Memory, lists: range) -> Iterator[ObjectAddress]:
     """The entries of *lists*, up to the number in sub-index 0 of each."""
     for index in memory.dictionary.indices_among(lists):
         for sub_index in range(1, memory.number(index, 0) + 1):
             yield index, sub_index
 
 
-def _write(memory: Memory, place: _Place, value: bytes) -> bool:
+def _write(memory: Memory, place: ObjectAddress, value: bytes) -> bool:
     """Write *value* into the object at *place*, if the device has it and it is written by RPDOs."""
     entry = memory.entry(*place)
     if not memory.exists(*place) or (entry is not None and not entry.access.writable):

@@ -12,10 +12,9 @@ from enum import IntEnum
 from typing import Protocol
 
 from dvtcli.domain.datatypes import DataType
+from dvtcli.domain.profile import ObjectAddress
 from dvtcli.simulator.device.strict_device import StrictDevice
 
-#: an object by index and sub-index
-Place = tuple[int, int]
 NEVER = float("inf")
 
 
@@ -32,7 +31,7 @@ class Source(Protocol):
         ...
 
 
-def put_number(device: StrictDevice, place: Place, data_type: DataType, value: float) -> None:
+def put_number(device: StrictDevice, place: ObjectAddress, data_type: DataType, value: float) -> None:
     """Set the object at *place* to *value*, rounded and clipped to its type, if different."""
     data = encoded(data_type, value)
     if device.value(*place) != data:
@@ -142,7 +141,7 @@ class Plant:
     Velocities are in the object's own unit per second; the acceleration is 6083 if not 0, else 1000 per second.
     """
 
-    def __init__(self, device: StrictDevice, taken: Collection[Place] = ()) -> None:
+    def __init__(self, device: StrictDevice, taken: Collection[ObjectAddress] = ()) -> None:
         self.device = device
         places = (*_NEEDED, MODE, MODE_DISPLAY, ACTUAL_POSITION, ACCELERATION, QUICK_STOP_OPTION)
         self._types = {place: _number_type(device, place) for place in places}
@@ -232,24 +231,24 @@ class Plant:
         self._put(STATUSWORD, self.state | more)
         self._told = self.device.value(*STATUSWORD)
 
-    def _as_held(self, place: Place, value: float) -> float:
+    def _as_held(self, place: ObjectAddress, value: float) -> float:
         """*value* if the object contains its rounded form, else the object's value."""
         data_type = self._types[place]
         if data_type is None or encoded(data_type, value) == self.device.value(*place):
             return value
         return self._number(place)
 
-    def _number(self, place: Place) -> float:
+    def _number(self, place: ObjectAddress) -> float:
         data_type = self._types[place]
         value = None if data_type is None else data_type.decode(self.device.value(*place))
         return float(value) if isinstance(value, int) else 0.0
 
-    def _put(self, place: Place, value: float) -> None:
+    def _put(self, place: ObjectAddress, value: float) -> None:
         data_type = self._types[place]
         if data_type is not None and place not in self._taken:
             put_number(self.device, place, data_type, value)
 
 
-def _number_type(device: StrictDevice, place: Place) -> DataType | None:
+def _number_type(device: StrictDevice, place: ObjectAddress) -> DataType | None:
     entry = device.dictionary.entry(*place)
     return None if entry is None or entry.data_type is None or entry.data_type.limits is None else entry.data_type
