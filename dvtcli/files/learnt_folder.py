@@ -13,8 +13,8 @@ from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.input_file import read_input, read_input_head
-from dvtcli.files.profile.library import folder as profile_folder
-from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.profiles import folder as profile_folder
+from dvtcli.files.profiles import read_profile
 from dvtcli.files.sim_state import Kept, read_state, write_state
 
 #: Keys whose numbers are abort codes.

@@ -13,7 +13,7 @@ from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
-from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profiles import load_profile
 
 LOCKED = DeviceProfile(
     login=LoginPolicy((0x5000, 1), (0x5000, 2), (0x5000, 3), 4, 5, ()),

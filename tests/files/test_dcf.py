@@ -21,7 +21,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.eds.numbers import encode_value, same_value
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.eds.write_dcf import Commissioned, value_text, write_dcf
-from dvtcli.files.profile.toml import builtin_path
+from dvtcli.files.profiles import builtin_path
 from tests.corpus.oddities import OddFile, odd_files
 from tests.files.test_eds_any import LINES
 from tests.real_files import real_files

@@ -13,8 +13,14 @@ import dvtcli
 from dvtcli.domain.pdo import Direction, split_dummy
 from dvtcli.domain.profile import GENERIC, BitPolicy, PreOperational, Severity, VpdoGroup
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_names
-from dvtcli.files.profile.toml import builtin_names, may_be_of, read_profile
+from dvtcli.files.profiles import (
+    builtin_names,
+    load_profile,
+    may_be_of,
+    profile_for_identity,
+    profile_names,
+    read_profile,
+)
 from tests.surroundings import HOMES, kept_in
 
 FOLDER = Path(dvtcli.__file__).parent / "families"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profiles import load_profile
 from dvtcli.operations.session.simulated_nodes import read_dictionary
 from dvtcli.simulator.network.family_file import family_eds
 

@@ -39,8 +39,8 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
-from dvtcli.domain.gateway.gateway_words import GatewayRequestError
-from dvtcli.domain.gateway.requests import format_request, parse_request, sequence_of
+from dvtcli.domain.gateway_requests import format_request, parse_request, sequence_of
+from dvtcli.domain.gateway_words import GatewayRequestError
 from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -61,7 +61,7 @@ from dvtcli.files.network.write_network import write_network
 from dvtcli.files.nodelist import read_nodelist
 from dvtcli.files.pdo_yaml import read_pdo_yaml
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
-from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.profiles import read_profile
 from dvtcli.files.recordings.formats import formats
 from dvtcli.files.recordings.recording_file import read_recorded
 from dvtcli.files.sim_state import read_state

@@ -18,7 +18,7 @@ from dvtcli.cli.view.output import Output
 from dvtcli.device.change.journal import JournalFolder
 from dvtcli.errors import InputFileError, SdoProtocolError, UsageError
 from dvtcli.files.eds.reader import parse_eds
-from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.profiles import read_profile
 from dvtcli.operations.results import ValueRead
 from dvtcli.operations.user.settings import File, SettingsFile
 from tests.cli.commands.bench import Bench

@@ -22,7 +22,7 @@ _LATE = (
 )
 
 import dvtcli  # noqa: E402
-from dvtcli.files.profile.library import passcode_objects  # noqa: E402
+from dvtcli.files.profiles import passcode_objects  # noqa: E402
 from dvtcli.operations.session.simulated_nodes import read_dictionary  # noqa: E402
 from dvtcli.simulator.network.family_file import family_eds, family_names, load_family  # noqa: E402
 

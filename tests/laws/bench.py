@@ -20,7 +20,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Proposal
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import load_profile, profile_names
+from dvtcli.files.profiles import load_profile, profile_names
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice

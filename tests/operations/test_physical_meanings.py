@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profiles import load_profile
 from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.simulator.network.family_file import family_eds
 

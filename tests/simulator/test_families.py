@@ -8,8 +8,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import is_mpdo
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, SdoAborted
-from dvtcli.files.profile.library import load_profile
-from dvtcli.files.profile.toml import builtin_names
+from dvtcli.files.profiles import builtin_names, load_profile
 from dvtcli.operations.session.simulated_nodes import read_dictionary
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice

@@ -48,7 +48,7 @@ def command(
     gateway --dialect paren
     gateway --allow-changes --dry-run     clients change a twin
     """
-    from dvtcli.domain.gateway.gateway_words import Dialect
+    from dvtcli.domain.gateway_words import Dialect
     from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, listen_address, serve_gateway
     from dvtcli.operations.session.serve import LOOPBACK
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.gateway.gateway_words import HEX, TYPES, GatewayRequestError
-from dvtcli.domain.gateway.requests import REQUIRED, Nmt, Order, Read, Write, parse_request
+from dvtcli.domain.gateway_requests import REQUIRED, Nmt, Order, Read, Write, parse_request
+from dvtcli.domain.gateway_words import HEX, TYPES, GatewayRequestError
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.domain.gateway.requests import Command, Request
+    from dvtcli.domain.gateway_requests import Command, Request
 
 #: the beginning of a comment that is executed
 _MARK = "#!"

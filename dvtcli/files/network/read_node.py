@@ -355,7 +355,7 @@ def rules_by_node(nodes: Iterable[NodeConfig]) -> dict[int, Rules]:
 
 
 def _rules(said: dict[str, object], file: str) -> Rules:
-    from dvtcli.files.profile.toml import physical_rules
+    from dvtcli.files.profiles import physical_rules
     from dvtcli.files.toml_item import Item
 
     return physical_rules(Item(said, ("physical",), file, {}))

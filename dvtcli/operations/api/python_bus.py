@@ -184,7 +184,7 @@ class Bus(FrameCalls):
                 read_dictionary(eds, numbers)
                 _choose(network.files.own_eds, chosen, eds, met=chosen in network.nodes)
             if profile is not None:
-                from dvtcli.files.profile.library import load_profile
+                from dvtcli.files.profiles import load_profile
 
                 load_profile(profile)
                 _choose(network.files.own_profile, chosen, profile, met=chosen in network.nodes)

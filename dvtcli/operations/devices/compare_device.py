@@ -157,7 +157,7 @@ def _known_by_identity(session: SessionUser, *held: HeldDevice) -> ObjectDiction
 
 
 def _profile(held: HeldDevice) -> DeviceProfile:
-    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.files.profiles import profile_for_identity
 
     return profile_for_identity(held.identity["vendor"] or 0, held.identity["product"] or 0)
 

@@ -53,7 +53,7 @@ def check_eds(
     profile for PDOs, *modules* are connected in each file. Raises UsageError for an unknown rule or family, or a
     missing single file. Among several files a missing or unreadable file is a finding.
     """
-    from dvtcli.files.profile.library import load_profile
+    from dvtcli.files.profiles import load_profile
 
     rules, names = chosen_rules(only, without), _matched(files)
     profile = GENERIC if family is None else load_profile(family)

@@ -255,7 +255,7 @@ def _concluded(node: ReadableNode, asked: Asked, storage: Storage, lacking: Sequ
 
 def profile_to_compare(name: str) -> object:
     """The profile *name*; with a path, as in `./pump`, that in the folder."""
-    from dvtcli.files.profile.library import has_profile, load_folder_profile, load_profile
+    from dvtcli.files.profiles import has_profile, load_folder_profile, load_profile
 
     path = Path(name)
     if path.name != name:
@@ -323,7 +323,7 @@ def refuse_name(name: str) -> None:
             f"{name!r} is not a profile name",
             hint=Hint(Action.LEARN, {"save": "pump"}, "small letters, digits, - and _: {}"),
         )
-    from dvtcli.files.profile.toml import builtin_names
+    from dvtcli.files.profiles import builtin_names
 
     if name in builtin_names():
         raise UsageError(f"{name} is a profile that comes with dvtcli", hint=Hint(Action.GIVE, {"save": f"my-{name}"}))
@@ -432,7 +432,7 @@ def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:
     """Check what is to be written by reading it; raises InputFileError if unreadable."""
     from dvtcli.files.device_file import must_describe, parse_device_file, read_device_file
     from dvtcli.files.learnt_folder import PROFILE, SIMULATED, profile_text, simulated_text
-    from dvtcli.files.profile.toml import read_profile
+    from dvtcli.files.profiles import read_profile
     from dvtcli.simulator.network.family_file import read_family
 
     read_profile(profile_text(origin, learnt), f"{origin.name}/{PROFILE}")
@@ -463,7 +463,7 @@ def _described(
 
 def _origin(session: SessionNodes, node: ReadableNode, name: str) -> Origin:
     from dvtcli.files.learnt_folder import Origin
-    from dvtcli.files.profile.toml import builtin_names
+    from dvtcli.files.profiles import builtin_names
     from dvtcli.simulator.network.family_file import family_names
     from dvtcli.version import __version__
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit, read_habits
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.files.profile.library import (
+from dvtcli.files.profiles import (
     folder,
     load_profile,
     own_names,

@@ -32,7 +32,7 @@ from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.files.profile.library import profile_for_identity, profile_of
+from dvtcli.files.profiles import profile_for_identity, profile_of
 from dvtcli.operations.exchange.export_network import (
     Exported,
     FoundNode,

@@ -24,7 +24,7 @@ from dvtcli.files.file_info import is_read_out
 from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES as NODELIST_MOST_BYTES
 from dvtcli.files.nodelist import SUFFIX, ListedNode, read_nodelist
-from dvtcli.files.profile.library import profile_of
+from dvtcli.files.profiles import profile_of
 from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.exchange.export_network import (
     FoundNode,

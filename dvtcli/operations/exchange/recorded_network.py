@@ -232,7 +232,7 @@ def _dictionary(session: SessionUser, values: ReceivedValues) -> ObjectDictionar
 
 
 def _profile(session: SessionUser, values: ReceivedValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
-    from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_of
+    from dvtcli.files.profiles import load_profile, profile_for_identity, profile_of
 
     if session.base.profile:
         return load_profile(session.base.profile)

@@ -89,7 +89,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
     from dvtcli.domain.network.network_state import IDENTITY_NAMES
-    from dvtcli.files.profile.library import load_profile, profile_of
+    from dvtcli.files.profiles import load_profile, profile_of
     from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
     from dvtcli.operations.values.object_values import scalings_of

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId, can_id_text
-from dvtcli.domain.gateway.gateway_words import (
+from dvtcli.domain.gateway_requests import PdoEntry, ReadPdo, SetPdo, WritePdo
+from dvtcli.domain.gateway_words import (
     TYPES,
     Answer,
     Done,
@@ -19,7 +20,6 @@ from dvtcli.domain.gateway.gateway_words import (
     data_of,
     value_text,
 )
-from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.can_id import restricted_use
 

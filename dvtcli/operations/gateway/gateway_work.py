@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.gateway.gateway_words import HEX, Answer, Done, Failed, GatewayError, value_text
-from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
+from dvtcli.domain.gateway_requests import Nmt, Order, Read, Write
+from dvtcli.domain.gateway_words import HEX, Answer, Done, Failed, GatewayError, value_text
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
@@ -26,7 +26,7 @@ from dvtcli.operations.values.object_values import type_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dvtcli.domain.gateway.requests import Request
+    from dvtcli.domain.gateway_requests import Request
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.gateway.line_client import GatewayReporter, LineClient
     from dvtcli.operations.nodes.command_nmt import BegunReset

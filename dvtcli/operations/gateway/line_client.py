@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from time import time
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.domain.gateway.gateway_words import LONGEST_LINE, Answer, Done, Failed, GatewayError
+from dvtcli.domain.gateway_words import LONGEST_LINE, Answer, Done, Failed, GatewayError
 from dvtcli.operations.results.frames import GatewayEvent
 from dvtcli.simulator.network.hub_client import Client
 from dvtcli.version import __version__

@@ -17,7 +17,8 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import is_own_user, replaceable
-from dvtcli.domain.gateway.gateway_words import (
+from dvtcli.domain.gateway_requests import parse_request, sequence_of
+from dvtcli.domain.gateway_words import (
     Answer,
     Dialect,
     Failed,
@@ -26,7 +27,6 @@ from dvtcli.domain.gateway.gateway_words import (
     format_answer,
     format_event,
 )
-from dvtcli.domain.gateway.requests import parse_request, sequence_of
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
@@ -37,7 +37,7 @@ from dvtcli.operations.session.serve import address, is_loopback
 from dvtcli.simulator.network.hub import Address, Hub
 
 if TYPE_CHECKING:
-    from dvtcli.domain.gateway.requests import Request
+    from dvtcli.domain.gateway_requests import Request
     from dvtcli.domain.ports import NodeEvent
     from dvtcli.operations.results.frames import GatewayEvent
     from dvtcli.operations.session.session import Session

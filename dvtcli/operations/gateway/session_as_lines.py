@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.store.store_parameters import STORE, chosen
-from dvtcli.domain.gateway.requests import Around, plan_lines
+from dvtcli.domain.gateway_requests import Around, plan_lines
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.nmt import NmtState

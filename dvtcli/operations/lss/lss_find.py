@@ -139,7 +139,7 @@ def lss_identify(session: SessionNodes, address: LssAddress | LssRanges | None =
 
 
 def _family(address: LssAddress) -> str:
-    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.files.profiles import profile_for_identity
 
     return profile_for_identity(address.vendor, address.product).name
 

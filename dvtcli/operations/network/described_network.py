@@ -344,7 +344,7 @@ def _planned(
 
 def simulated_word(file: str, node: NodeConfig) -> str | None:
     """Return the `--sim` word for *node* of *file*, without a node-ID; None if undescribed."""
-    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.files.profiles import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
 
     if (chosen := _chosen_word(file, node)) is not None:

@@ -123,7 +123,7 @@ def habits_check() -> Check:
 
 def profiles_check() -> Check:
     """Check that every profile can be read."""
-    from dvtcli.files.profile.library import load_profile, profile_names
+    from dvtcli.files.profiles import load_profile, profile_names
 
     names = profile_names()
     for name in names:

@@ -217,7 +217,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None
 
     *limit_s* is the time-out in seconds, None: the bus's.
     """
-    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.files.profiles import profile_for_identity
 
     sdo = bus.sdo(node_id)
     state = bus.nmt_state(node_id)

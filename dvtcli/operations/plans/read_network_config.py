@@ -123,7 +123,7 @@ def _why_no_modules(file: str, node: NodeConfig) -> str:
 
 def _why_no_profile(name: str) -> str:
     """Explain why `profile: NAME` is unknown, with a suggestion; empty if known."""
-    from dvtcli.files.profile.library import profile_path
+    from dvtcli.files.profiles import profile_path
 
     try:
         profile_path(name)

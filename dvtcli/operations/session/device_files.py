@@ -15,7 +15,7 @@ from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted
-from dvtcli.files.profile.library import (
+from dvtcli.files.profiles import (
     builtin_for_identity,
     has_profile,
     load_folder_profile,

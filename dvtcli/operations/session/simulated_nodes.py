@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES, must_describe, read_device_file
-from dvtcli.files.profile.library import profile_of
+from dvtcli.files.profiles import profile_of
 from dvtcli.files.user_folders import file_state
 from dvtcli.operations.user.options import is_file, modules_of_node, node_id
 

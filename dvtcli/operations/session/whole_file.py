@@ -113,7 +113,7 @@ def _read_nodelist(path: Path) -> None:
 
 def _read_gateway(path: Path) -> None:
     """Read lines of CiA 309-3."""
-    from dvtcli.domain.gateway.requests import parse_request
+    from dvtcli.domain.gateway_requests import parse_request
 
     for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
         try:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import SdoValues
-from dvtcli.files.profile.library import passcode_objects
+from dvtcli.files.profiles import passcode_objects
 
 #: a frame for `send`, even if invalid: half a byte, too many bytes, or a wrong length
 _FRAME = re.compile(

@@ -121,7 +121,7 @@ def scalings_of(
     profile: DeviceProfile | None, dictionary: ObjectDictionary | None, more: Sequence[Rules] = ()
 ) -> ObjectScalings:
     """Return the scalings of a device by *profile* and *dictionary*; *more*, as of a network file, goes first."""
-    from dvtcli.files.profile.library import standards
+    from dvtcli.files.profiles import standards
 
     family = () if profile is None else (profile.physical,)
     return ObjectScalings((*more, *family), standards(), dictionary, only_described=True)

@@ -18,7 +18,7 @@ from dvtcli.cli.run_line import run_words
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.files.profile.toml import builtin_path
+from dvtcli.files.profiles import builtin_path
 from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice

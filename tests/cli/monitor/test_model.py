@@ -31,7 +31,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.times import utc
 from dvtcli.errors import BusUnavailable
-from dvtcli.files.profile.library import standards
+from dvtcli.files.profiles import standards
 from dvtcli.operations.frames.transmit_rows import transmit_row
 from dvtcli.operations.session.steady_listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique

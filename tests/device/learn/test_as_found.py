@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.pdo import Direction
 from dvtcli.errors import InputFileError
-from dvtcli.files.profile.library import profile_names
+from dvtcli.files.profiles import profile_names
 from dvtcli.files.sim_state import Values
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.simulator.device.pdo_checks import CHECKS

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import load_folder_profile
+from dvtcli.files.profiles import load_folder_profile
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.device.learn.questions import Question, put

@@ -13,7 +13,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import load_folder_profile
+from dvtcli.files.profiles import load_folder_profile
 from dvtcli.operations.devices.learn_device import learn
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

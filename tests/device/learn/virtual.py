@@ -6,7 +6,7 @@ from typing import Any
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import profile_names
+from dvtcli.files.profiles import profile_names
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds

@@ -10,8 +10,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.rules.finding import Rule
 from dvtcli.errors import DvtcliError
-from dvtcli.files.profile.library import load_profile, reasons
-from dvtcli.files.profile.toml import builtin_names, builtin_path
+from dvtcli.files.profiles import builtin_names, builtin_path, load_profile, reasons
 from dvtcli.operations.user.options import START_ONLY
 from dvtcli.operations.user.settings import ALIASES, PASSCODE, USERS_OWN
 from dvtcli.simulator.device.simulated_faults import FORMS as FAULT_FORMS

@@ -58,7 +58,7 @@ MAY_LEAVE_UNSAID = {
 INNER = {
     "files/network/yaml_tree.py:OtherYamlError",
     "files/recordings/recording_format.py:LostLineError", "files/recordings/recording_format.py:NoFrameError",
-    "domain/gateway/gateway_words.py:GatewayRequestError",  # a client's line, which gets an answer
+    "domain/gateway_words.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/hub_client.py:RubbishError", "simulator/network/signals.py:RowsError",
     "simulator/device/memory.py:Refusal", "cli/dvt/tcl_calls.py:Exit", "cli/dvt/tcl_run.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",

@@ -16,7 +16,7 @@ from dvtcli.domain.configuration import configuration_of
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
-from dvtcli.files.profile.toml import builtin_path
+from dvtcli.files.profiles import builtin_path
 from tests.cli.commands.bench import Bench, Ran
 from tests.operations.devices.test_export_dcf import FAMILIES, odd
 from tests.small_eds import U16, U32, communication, plain, var

@@ -12,7 +12,7 @@ import pytest
 from dvtcli.domain.configuration import configuration_of
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.toml import builtin_path
+from dvtcli.files.profiles import builtin_path
 from dvtcli.operations.devices.backup_device import export_dcf
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

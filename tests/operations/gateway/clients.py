@@ -15,7 +15,7 @@ from canopen import Network, ObjectDictionary, RemoteNode
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError
 
-from dvtcli.domain.gateway.gateway_words import Dialect
+from dvtcli.domain.gateway_words import Dialect
 from dvtcli.domain.hint import Hint
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
 from dvtcli.operations.session.session import Session

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_words import LONGEST_LINE, Dialect, Failed, format_answer
+from dvtcli.domain.gateway_words import LONGEST_LINE, Dialect, Failed, format_answer
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.gateway.serve_gateway import gateway
 from dvtcli.operations.session.session import Session

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_words import GatewayError
+from dvtcli.domain.gateway_words import GatewayError
 from dvtcli.operations.gateway.gateway_work import LATE_S, Watch
 
 STARTED, LOST = GatewayError.HEARTBEAT_STARTED, GatewayError.HEARTBEAT_LOST

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_words import TYPES
-from dvtcli.domain.gateway.requests import Request, Write, parse_request
+from dvtcli.domain.gateway_requests import Request, Write, parse_request
+from dvtcli.domain.gateway_words import TYPES
 from tests.cli.commands.bench import Bench
-from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
+from tests.domain.gateway_requests import INDEXES, SUB_INDEXES, data_of_type
 from tests.harness.sample import heavy
 from tests.operations.gateway.networks import FAMILIES, everything, network_file, options
 
@@ -233,7 +233,7 @@ def test_what_it_may_not_is_said_before_anything_is_done(line: str, why: str) ->
 def test_a_value_comes_through_a_line_as_it_is(index: int, sub_index: int, typed: tuple[str, bytes]) -> None:
     from dvtcli.cli.scripts.gateway_script import GatewayScript
     from dvtcli.domain.datatypes import BY_SHORT_NAME
-    from dvtcli.domain.gateway.requests import format_request
+    from dvtcli.domain.gateway_requests import format_request
 
     name, data = typed
     line = format_request(Request(1, 1, 4, Write(index, sub_index, name, data)))

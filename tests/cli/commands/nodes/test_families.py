@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import StepKind, step_kind
-from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profiles import load_profile
 from tests.cli.commands.bench import Bench
 
 

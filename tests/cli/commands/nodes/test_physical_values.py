@@ -11,7 +11,7 @@ import dvtcli
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.errors import UsageError
-from dvtcli.files.profile.library import standards
+from dvtcli.files.profiles import standards
 from dvtcli.files.user_folders import user_folder
 from tests.cli.commands.bench import Bench
 

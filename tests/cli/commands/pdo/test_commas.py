@@ -46,7 +46,7 @@ def test_a_node_stands_before_each_object_or_before_none() -> None:
 
 
 def test_a_name_with_a_comma_is_one_name(tmp_path: Path) -> None:
-    from dvtcli.files.profile.toml import builtin_path
+    from dvtcli.files.profiles import builtin_path
 
     text = (builtin_path("gen4").parent / "gen4.eds").read_text("latin-1")
     file = tmp_path / "own.eds"

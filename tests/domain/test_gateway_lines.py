@@ -6,16 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_words import (
-    LONGEST_LINE,
-    TYPES,
-    GatewayError,
-    GatewayRequestError,
-    data_of,
-    value_text,
-    words_of,
-)
-from dvtcli.domain.gateway.requests import (
+from dvtcli.domain.gateway_requests import (
     Nmt,
     Order,
     PdoEntry,
@@ -28,8 +19,17 @@ from dvtcli.domain.gateway.requests import (
     format_request,
     parse_request,
 )
+from dvtcli.domain.gateway_words import (
+    LONGEST_LINE,
+    TYPES,
+    GatewayError,
+    GatewayRequestError,
+    data_of,
+    value_text,
+    words_of,
+)
 from dvtcli.domain.nmt import NmtCommand
-from tests.domain.gateway.requests import REQUESTS, data_of_type
+from tests.domain.gateway_requests import REQUESTS, data_of_type
 
 
 @given(REQUESTS)

@@ -7,8 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.gateway.gateway_words import TYPES
-from dvtcli.domain.gateway.requests import (
+from dvtcli.domain.gateway_requests import (
     ORDERS,
     Command,
     Level,
@@ -23,6 +22,7 @@ from dvtcli.domain.gateway.requests import (
     WritePdo,
     level_of,
 )
+from dvtcli.domain.gateway_words import TYPES
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.test_datatypes import values
 

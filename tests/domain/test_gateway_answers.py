@@ -7,7 +7,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_words import Dialect, Done, Failed, GatewayError, format_answer
+from dvtcli.domain.gateway_words import Dialect, Done, Failed, GatewayError, format_answer
 
 
 @given(st.none() | st.integers(0, 0xFFFF_FFFF), st.sampled_from(Dialect), st.text(max_size=400),

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from dvtcli.domain.gateway.gateway_words import (
+from dvtcli.domain.gateway_words import (
     QUOTED,
     GatewayError,
     GatewayRequestError,

@@ -1,1 +1,0 @@
-"""The ASCII lines of a CANopen gateway (CiA 309-3): requests and answers."""

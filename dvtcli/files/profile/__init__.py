@@ -1,1 +1,0 @@
-"""Device profiles as TOML files."""
