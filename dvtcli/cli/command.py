@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Effect(Enum):
     """The effect of a command, or of a DVT word, on nodes; declared in its own file."""
 
-    READS = "reads, listens, or works on files: no node changes"
+    NONE = "reads, listens, or works on files: no node changes"
     SELECTS = "selects the node or the device for the lines after it"
     CHANGES = "changes values of a node; `undo` reverts it"
     KEEPS = "stores values of a node: `undo` cannot revert it"
@@ -33,7 +33,7 @@ class Effect(Enum):
 
 
 #: effects without a change of nodes; lines run by others count by themselves
-_LOOKING = (Effect.READS, Effect.SELECTS, Effect.RUNS)
+_LOOKING = (Effect.NONE, Effect.SELECTS, Effect.RUNS)
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 
 
@@ -95,7 +95,7 @@ class DvtCommand(click.Command):
         session: Conversation = ctx.obj
         run = super().invoke
         changes = self.effect is Effect.CHANGES
-        session.only_looks, session.may_have_changed = self.effect is Effect.READS, False
+        session.only_looks, session.may_have_changed = self.effect is Effect.NONE, False
         session.begin_line(is_noted=changes or self.effect in _LOOKING, tells_state=changes or bool(self.formats))
         with session.line(taken(ctx.params)):
             self._require_format(session.output.format)

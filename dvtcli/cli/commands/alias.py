@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     "alias",
     cls=DvtCommand,
     short_help=__doc__,
-    effect=Effect.READS,
+    effect=Effect.NONE,
     context_settings={"allow_interspersed_args": False},
 )
 @click.argument("words", type=TEXT, nargs=-1, metavar="[NAME = [LINE]]")

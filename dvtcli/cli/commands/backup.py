@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("backup", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("backup", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @click.option(
     "--twice", is_flag=True, help="Read each object twice, and leave out values that changed between the reads."

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("bitrate", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("bitrate", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option("--for", "listen_s", type=DurationType(), metavar="TIME", help="Time to listen at each bit rate [1.5s].")
 @click.pass_obj
 def command(session: Session, /, listen_s: float | None) -> BitRateFound:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    "check", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
+    "check", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False, formats=SPECIAL_FORMATS
 )
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE…]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")

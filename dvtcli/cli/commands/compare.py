@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
+@click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.argument("other", type=FILE, required=False)
 @click.option("--all", "everything", is_flag=True, help="Also show differences that are not settings.")

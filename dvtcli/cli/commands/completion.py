@@ -34,7 +34,7 @@ _CHANGES = {
 }
 
 
-@click.command("completion", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("completion", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.argument("shell", type=click.Choice(_SHELLS), metavar="|".join(_SHELLS))
 @click.pass_context
 def command(ctx: click.Context, /, shell: str) -> Facts:

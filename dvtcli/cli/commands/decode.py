@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, FrameSeen
 
 
-@click.command("decode", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("decode", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @decoding_options
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")

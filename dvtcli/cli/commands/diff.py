@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
 
 
-@click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
+@click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @trust_stamp_option
 @include_option

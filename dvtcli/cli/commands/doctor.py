@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Diagnosis
 
 
-@click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.pass_obj
 def command(session: Conversation, /) -> Diagnosis:
     """Check everything that dvtcli needs, and show the next step if something is missing.

@@ -79,7 +79,7 @@ class IdentityType(CanopenType):
 
 
 @click.command(
-    "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
+    "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False, formats=SPECIAL_FORMATS
 )
 @click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE...]")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("explain", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("explain", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("frame", type=TEXT, nargs=-1, required=True, metavar="FRAME")
 @decoding_options
 @click.pass_obj

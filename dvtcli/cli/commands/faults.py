@@ -23,7 +23,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
     "faults",
     cls=DvtCommand,
     short_help=__doc__,
-    effect=Effect.READS,
+    effect=Effect.NONE,
     final=_final,
     each=lambda params: not params["watch"],
 )

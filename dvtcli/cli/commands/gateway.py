@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.frames import GatewayEvent
 
 
-@click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option(
     "--listen",
     type=TEXT,

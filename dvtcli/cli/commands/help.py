@@ -31,7 +31,7 @@ class HelpTopic(TextType):
         return [CompletionItem(name, help=text) for name, text in rows if name.startswith(incomplete.lower())]
 
 
-@click.command("help", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("help", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.argument("name", type=HelpTopic(), required=False, metavar="[COMMAND|TOPIC]")
 @click.option("--all", "everything", is_flag=True, help="Show what each command does, and all global options.")
 @click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("import", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("import", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @click.argument("folder", type=FILE, required=False)
 @click.option(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE, required=False)
 @click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Time to receive [3s]; 0: none.")
 @click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="Compute for this bit rate.")

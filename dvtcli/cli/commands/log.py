@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @click.option("-a", "--append", is_flag=True, help="Append to FILE (.blf .log); with --decode, start a new file.")
 @click.option(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.open_network import OnBusEvent
 
 
-@click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings are read [nodes that send].")
 @click.option(
     "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."

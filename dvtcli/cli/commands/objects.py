@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("objects", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("objects", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("text", type=TEXT, required=False)
 @click.option("--mappable", type=click.Choice(["tpdo", "rpdo"]), help="Only objects that such a PDO can map.")
 @click.pass_obj

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     "pdo",
     cls=DvtCommand,
     short_help=__doc__,
-    effect=Effect.READS,
+    effect=Effect.NONE,
     each=lambda params: not any(word == EDIT for word in params["words"]),
 )
 @click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")

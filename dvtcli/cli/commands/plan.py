@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
 
 
-@click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
+@click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.option(
     "-o", "saved", type=FILE, metavar="PLAN", help="Save the plan for apply; as PLAN.309: gateway lines (CiA 309-3)."

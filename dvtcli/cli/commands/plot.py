@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _WIDTH, _LEAST, _MOST = 200, 8, 24
 
 
-@click.command("plot", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("plot", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @click.argument("signals", nargs=-1, required=True, type=TEXT, metavar="SIGNAL…")
 @decoding_options

@@ -27,7 +27,7 @@ class ProfileName(TextType):
         return [CompletionItem(name) for name in names if name.startswith(incomplete)]
 
 
-@click.command("profiles", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("profiles", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.argument(
     "action", type=click.Choice(["show", "habits", "forget"]), required=False, metavar="[show|habits|forget]"
 )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     "read",
     cls=DvtCommand,
     short_help=__doc__,
-    effect=Effect.READS,
+    effect=Effect.NONE,
     each=lambda params: params["output"] is None and params["every_s"] is None,
 )
 @click.argument("objects", cls=Objects, type=OBJECT, metavar="OBJECT…", nargs=-1, required=True)

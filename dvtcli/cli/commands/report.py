@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("report", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("report", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("out", type=FILE)
 @click.argument("file", type=FILE, required=False)
 @click.option("--title", type=TEXT, help="Title of the page [the name of FILE, or of the bus].")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("file", type=FILE)
 @click.option("--history", is_flag=True, help="Every step as typed, stores and NMT commands included.")
 @click.option("--all", "everything", is_flag=True, help="The complete configuration of the node's PDOs.")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("scan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("scan", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option(
     "--wait",
     type=NumberType(10, 10_000, "a time in ms"),

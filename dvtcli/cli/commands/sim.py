@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
 
-@click.command("sim", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("sim", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
 @click.option(
     "--listen", type=TEXT, metavar="HOST:PORT", help="Address to listen on [127.0.0.1:29536]; port 0: a free port."

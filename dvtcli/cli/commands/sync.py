@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("sync", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("sync", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNC messages [20].")
 @click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
 @click.option("--check", is_flag=True, help="Send nothing; find the SYNC producer, and warn if there is none.")

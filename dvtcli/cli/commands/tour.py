@@ -52,7 +52,7 @@ _SHOWN = "generic"
 _LEAVING = ("exit", "quit", "q")
 
 
-@click.command("tour", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("tour", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.pass_context
 def command(ctx: click.Context, /) -> int:
     """Explain dvtcli in a few steps on a simulated node of its own; no hardware is used.

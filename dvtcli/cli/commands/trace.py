@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("trace", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("trace", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("which", type=click.Choice(["last"]), metavar="last")
 @click.option(
     "--count",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-@click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, needs_settings=False)
 @click.argument("file", type=FILE, required=False)
 @click.option("--remove", is_flag=True, help="Stop trusting the file, even if it no longer exists.")
 @click.pass_obj

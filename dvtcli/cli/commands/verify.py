@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Compared, ComparedNodes
 
 
-@click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
+@click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE, formats=CASE_FORMATS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")
 @click.option("--frame", is_flag=True, help="Start the node and check a frame of each enabled TPDO.")
 @click.pass_context

@@ -38,7 +38,7 @@ class _WatchedType(CanopenType):
         return [*pdos, *OBJECT.shell_complete(ctx, param, incomplete)]
 
 
-@click.command("watch", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("watch", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.argument("words", cls=Objects, type=_WatchedType(), metavar="OBJECT|PDO…", nargs=-1, required=True)
 @click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Time between two readings [500ms].")
 @click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End after TIME [until q or Ctrl-C].")

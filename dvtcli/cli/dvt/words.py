@@ -189,9 +189,9 @@ PDO_WORDS = (
         "map_in_tpdo", (*OBJECT, Argument("COB-ID", can_id, required=False)),
         "put an object into the first TPDO with room", "map tpdo1 6041 --sync 1", Effect.CHANGES, map_in,
     ),
-    DvtWord("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.READS, locate),
+    DvtWord("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.NONE, locate),
     DvtWord(
-        "pdo_config", (MAYBE_NODE,), "the settings of the PDOs, and how to set PDOs", "pdo", Effect.READS, config
+        "pdo_config", (MAYBE_NODE,), "the settings of the PDOs, and how to set PDOs", "pdo", Effect.NONE, config
     ),
     DvtWord(
         "clear_all_pdos", (NODE,), "no mapping, and disabled, for every PDO", "clear all", Effect.CHANGES, clear
@@ -258,8 +258,8 @@ def decimal(value: Value) -> str:
 
 
 SDO_WORDS = (
-    DvtWord("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.READS, read_hex),
-    DvtWord("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.READS, read_decimal),
+    DvtWord("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.NONE, read_hex),
+    DvtWord("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.NONE, read_decimal),
     DvtWord(
         "sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write, _final_write("sdo_wnx")
     ),

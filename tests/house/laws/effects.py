@@ -32,11 +32,11 @@ _ROOM = "cli/commands/"
 
 
 def who_only_reads_sends_nothing(tree: SourceTree) -> Iterator[str]:
-    """Nothing that sends is reached by name from a command whose effect is READS."""
+    """Nothing that sends is reached by name from a command whose effect is NONE."""
     uses = Uses(tree)
     for file in tree.house.files:
         name = file.removeprefix(_ROOM).removesuffix(".py")
-        if file.startswith(_ROOM) and re.search(r"effect=Effect\.READS\b", tree.house.files[file]):
+        if file.startswith(_ROOM) and re.search(r"effect=Effect\.NONE\b", tree.house.files[file]):
             may = tuple(MAY_READ_AND_SEND.get(name, ()))
             reached = uses.reached((file, ALL), partial(_may_or_ends, may))
             for top in reached:
