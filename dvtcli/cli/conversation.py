@@ -12,8 +12,7 @@ import click
 
 from dvtcli.errors import DvtcliError, State, UsageError
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.user.options import START_ONLY, Options
-from dvtcli.operations.user.session_user import NO_TERMINAL
+from dvtcli.operations.user.options import NO_TERMINAL, START_ONLY, Options
 
 if TYPE_CHECKING:
     from dvtcli.cli.scripts.script_changes import ScriptChanges

@@ -35,6 +35,8 @@ START_ONLY = frozenset(
 BIT_RATES = range(1_000, 1_000_001)
 #: Modules of a modular device: 0x1027 has 254 sub-indices of 16 bits.
 _HIGHEST_MODULE, _MOST_MODULES = 0xFFFF, 254
+#: why a question has no answer, where a terminal would give one
+NO_TERMINAL = "no terminal to answer on"
 #: Formats of every command, and of some.
 FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
 #: Formats of results that go through PDOs and objects one by one.

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
-    from dvtcli.device.cancellation import Cancellation
+    from dvtcli.operations.user.options import NO_TERMINAL
+from dvtcli.device.cancellation import Cancellation
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.frames import BusEvent
@@ -86,8 +87,6 @@ class SessionUser(Protocol):
         """See `Opened.agreed`."""
 
 
-#: why a question has no answer, where a terminal would give one
-NO_TERMINAL = "no terminal to answer on"
 
 
 class Reporter(Protocol):
