@@ -14,8 +14,16 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.observe import RestartCounter, observed
 from dvtcli.device.quirks import in_standard_order
-from dvtcli.device.read_cache import ReadCache
-from dvtcli.device.read_pdos import IDENTITY, UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_optional, read_pdo
+from dvtcli.device.read_pdos import (
+    IDENTITY,
+    UNREADABLE,
+    WHATEVER,
+    ReadCache,
+    present_pdos,
+    read_cob_id,
+    read_optional,
+    read_pdo,
+)
 from dvtcli.device.store.pending import BootSnapshot
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.nmt_gate import NodeAccess
     from dvtcli.device.observe import RestartCounter
-    from dvtcli.device.read_cache import ReadCache
+    from dvtcli.device.read_pdos import ReadCache
     from dvtcli.domain.cob_id import CobId
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig

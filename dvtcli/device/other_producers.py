@@ -8,8 +8,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_cache import read_side_by_side
-from dvtcli.device.read_pdos import UNREADABLE, read_cob_id, sdo_channels, service_ids, service_ids_beside
+from dvtcli.device.read_pdos import (
+    UNREADABLE,
+    read_cob_id,
+    read_side_by_side,
+    sdo_channels,
+    service_ids,
+    service_ids_beside,
+)
 from dvtcli.domain.cob_id import CobId, taken_by_channels
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.consumers import by_id

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.other_producers import ReceivedIds, Senders, received_ids, seen_producer_findings
 from dvtcli.device.proposal import proposal, readable_value, resolve, untyped_lengths
-from dvtcli.device.read_cache import read_side_by_side
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import read_optional, read_side_by_side
 from dvtcli.device.store.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId

@@ -14,8 +14,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.proposal import proposal, readable_value
-from dvtcli.device.read_cache import read_side_by_side
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import read_optional, read_side_by_side
 from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.device.virtual_pdos import read_pins
 from dvtcli.domain.abort import Abort, abort_text

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import unlike_file
-from dvtcli.device.read_cache import ReadCache
-from dvtcli.device.read_pdos import IDENTITY, read_identity, read_modules
+from dvtcli.device.read_pdos import IDENTITY, ReadCache, read_identity, read_modules
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoReader

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from dvtcli.operations.user.options import NO_TERMINAL
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import AbstractContextManager
     from pathlib import Path
 
-    from dvtcli.operations.user.options import NO_TERMINAL
-from dvtcli.device.cancellation import Cancellation
+    from dvtcli.device.cancellation import Cancellation
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.frames import BusEvent
@@ -85,8 +86,6 @@ class SessionUser(Protocol):
 
     def agreed(self) -> AbstractContextManager[None]:
         """See `Opened.agreed`."""
-
-
 
 
 class Reporter(Protocol):
