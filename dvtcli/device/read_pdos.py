@@ -1,4 +1,4 @@
-"""Read a node's PDOs, with or without an EDS; its read cache is valid until an event could have changed a value."""
+"""Read a node's PDOs, with or without an EDS; and the read cache of a node."""
 
 from __future__ import annotations
 
@@ -322,7 +322,12 @@ def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]
 
 @dataclass(slots=True, eq=False, repr=False)
 class ReadCache:
-    """The objects read from *node_id* on *bus*, by index and sub-index; *channel* reads the others."""
+    """The objects read from *node_id* on *bus*, by index and sub-index; *channel* reads the others.
+
+    Used like the node's SDO channel, for values and refusals. Expires after a restart, a lost answer, or a write by
+    another SDO client; own writes, and releasing the node to others, must call `forget`. Never use the cache for a
+    read-back: read the channel itself.
+    """
 
     bus: CanopenBus
     node_id: int
