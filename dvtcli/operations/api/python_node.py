@@ -60,7 +60,8 @@ class ConfiguredNode(ReadNode):
         unit. Raises UsageError for 0x1010 and 0x1011: use `store` and `restore`.
         """
         from dvtcli.operations.objects.write_object import refuse_signature, write_bytes
-        from dvtcli.operations.values.object_values import object_type, scaling_of
+        from dvtcli.operations.values.object_values import scaling_of
+        from dvtcli.operations.values.write_type import object_type
 
         def write(node: DeviceNode) -> Changed:
             index, sub_index = object_of(node, object_)

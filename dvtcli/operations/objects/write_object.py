@@ -27,12 +27,12 @@ from dvtcli.operations.session.whole_file import write_whole
 from dvtcli.operations.values.named_objects import object_at, refuse_whole
 from dvtcli.operations.values.object_values import (
     how_to_write,
-    object_type,
     scaling_of,
     scalings_of,
     typed_bytes,
     value_words,
 )
+from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -33,7 +33,8 @@ from dvtcli.domain.rules.pdo_mapping import length_findings
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.values.named_objects import entry_at, object_at, object_index, tied_name
-from dvtcli.operations.values.object_values import object_type, scaling_of, typed_bytes
+from dvtcli.operations.values.object_values import scaling_of, typed_bytes
+from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings, ScaledValue
-from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import hex_preview
-from dvtcli.errors import DvtcliError, SdoProtocolError
+from dvtcli.errors import SdoProtocolError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.object_scalings import Rules
     from dvtcli.domain.profile import DeviceProfile
@@ -169,26 +168,3 @@ def how_to_write(meaning: Scaling, kind: DataType, text: str = "") -> str | None
         return f"with a unit: 1.5{meaning.unit}; a number alone is raw"
     low, high = kind.limits
     return f"{meaning.quantity(low)} to {meaning.quantity(high)}, with the unit; a number alone is raw"
-
-
-def object_type(node: ReadableNode, index: int, sub_index: int) -> DataType:
-    """Return the type for writing; raises DvtcliError with a hint if unreadable and unknown."""
-    return type_of(node, index, sub_index, _size(node, index, sub_index))
-
-
-def _size(node: ReadableNode, index: int, sub_index: int) -> int:
-    """Return the object's length in bytes, 0 for a type without fixed length; raises as reading it, with a hint."""
-    if Pdo.at(index) is not None:
-        from dvtcli.domain.rules.raw_write import parameter_size
-
-        return parameter_size(index, sub_index) or 4
-    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
-    if entry is not None and entry.data_type is not None:
-        return entry.data_type.size or 0
-    try:
-        return len(node.upload(index, sub_index))
-    except DvtcliError as failed:
-        failed.hint = failed.hint or Hint(
-            Action.GIVE, {"as_type": "TYPE"}, "says how to write an object that cannot be read"
-        )
-        raise
