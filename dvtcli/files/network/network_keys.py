@@ -117,7 +117,7 @@ KEYS: tuple[NetworkKey, ...] = (
     ),
     NetworkKey(Where.NODE, "node_id", Kind.INTEGER, "its node-ID", 1, 127, required=True),
     NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, relative to this file (`@BUS_CONFIG_PATH@`: "
-                "its folder); or the name of a simulated family; or a name of `eds list`"),
+                "its folder); or the name of a simulated family; or of a file in the EDS library"),
     NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, if `dcf` is absent"),
     NetworkKey(Where.NODE, "modules", Kind.MODULES,
                 "the modules of a modular device in their order, by their numbers in [SupportedModules] of `dcf`; by "
