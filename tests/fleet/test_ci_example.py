@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -38,6 +39,16 @@ def test_the_gate_is_open(repository: Path) -> None:
     assert done.returncode == 3, done.stderr  # what this bench holds are its makers' values
     assert "proved by a restart" in done.stdout
     assert "No difference: every node has the values of the file." in done.stdout
+
+
+def test_reports_for_other_ci_systems_are_files(repository: Path) -> None:
+    done = ran(repository, "./gate.sh", FORMAT="junit")
+    assert (done.returncode, "<testsuite" in done.stdout) == (0, False), done.stderr
+    reports = {path.name: path.read_text("utf-8") for path in (repository / "reports").iterdir()}
+    assert set(reports) == {"check.xml", "rehearsal.xml"}
+    for report in reports.values():
+        assert "<testcase" in ElementTree.canonicalize(report)
+        assert "<failure" not in report
 
 
 @pytest.mark.quick
