@@ -11,6 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.user_folders import user_folder
@@ -165,13 +166,15 @@ class Match:
     @property
     def _fits(self) -> str:
         label, revision = self.file.label, f"0x{self.file.revision:08X}"
+        has_product = bool(assigned(self.file.product_code))
         if self.fit is Fit.EXACT:
-            return f"vendor, product and revision {revision}"
+            return f"vendor, product and revision {revision}" if has_product else f"vendor and revision {revision}"
+        equal = "vendor and product" if has_product else "vendor, and neither has a product number"
         if self.fit is Fit.UNSAID:
             who = "the device" if self.revision is None else label
-            return f"vendor and product; {who} names no revision"
+            return f"{equal}; {who} names no revision"
         device = f"0x{self.revision or 0:08X}"
-        return f"vendor and product; revision {device} on the device, {revision} in {label}"
+        return f"{equal}; revision {device} on the device, {revision} in {label}"
 
     @property
     def doubtful(self) -> bool:
@@ -198,9 +201,18 @@ class Match:
         return "; ".join(notes)
 
 
+def assigned(product_code: int) -> int:
+    """Return *product_code*; 0 if it is no product number: all bits set, as in erased memory."""
+    return 0 if product_code == ERASED else product_code
+
+
 def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revision: int | None) -> Match | None:
-    """Return the best of *files* for a device of this identity; None if no file fits."""
-    fitting = [file for file in files if (file.vendor_id, file.product_code) == (vendor_id, product_code)]
+    """Return the best of *files* for a device of this identity; None if no file fits.
+
+    A file without a product number (0) fits the devices of its vendor that have none.
+    """
+    identity = (vendor_id, assigned(product_code))
+    fitting = [file for file in files if (file.vendor_id, assigned(file.product_code)) == identity]
     if not fitting or not vendor_id:
         return None
     best = min(fitting, key=lambda file: _rank(file, revision))

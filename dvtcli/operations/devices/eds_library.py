@@ -19,6 +19,7 @@ from dvtcli.files.device_library import (
     KnownFile,
     StoredFile,
     about_place,
+    assigned,
     file_named,
     first_of,
     folder,
@@ -133,9 +134,9 @@ Identity = tuple[int, int, int]
 def add_files(session: SessionUser, words: tuple[str, ...], identity: Mapping[str, int] | None = None) -> LibraryAdded:
     """Add the files of *words* (files, folders, families) to the library under their identity.
 
-    *identity* (`vendor`, `product`, `revision`) replaces the identity of a single file. A single file that cannot be
-    added raises InputFileError; of several files its row shows the error. Raises UsageError for a word without files,
-    or if the library cannot be written.
+    *identity* (`vendor`, `product`, `revision`) replaces the identity of a single file; without a product it is for
+    nodes that have no product number. A single file that cannot be added raises InputFileError; of several files its
+    row shows the error. Raises UsageError for a word without files, or if the library cannot be written.
     """
     sought, others = sought_files(words)
     given = None if identity is None else _given(identity, sought)
@@ -166,13 +167,13 @@ def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
         raise UsageError(
             f"one file has it, and these are {len(sought)}", hint="add each with its own", given={"identity": None}
         )
-    if not identity.get("vendor") or "product" not in identity:
+    if not identity.get("vendor"):
         raise UsageError(
-            "vendor and product are needed",
+            "a vendor is needed",
             given={"identity": None},
             hint=Hint(Action.GIVE, {"identity": "vendor=0x1E,product=0x0705302D"}),
         )
-    return identity["vendor"], identity["product"], identity.get("revision", 0)
+    return identity["vendor"], assigned(identity.get("product", 0)), identity.get("revision", 0)
 
 
 def _refused(one: Sought, wrong: InputFileError) -> AddedFile:
@@ -242,11 +243,18 @@ def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
         raise InputFileError(
             f"{one.shown}: it has no {lacks}{has}, so it identifies no node",
             place=str(one.path),
-            hint=Hint(Action.FIND_NODES)
-            + Hint(Action.ADD_EDS, {"identity": "vendor=…,product=…"}, " shows the node's identity: {}")
-            + Hint(Action.GIVE_EDS, why="or {} each time"),
+            hint=Hint(Action.FIND_NODES) + _by_hand(vendor) + Hint(Action.GIVE_EDS, why="or {} each time"),
         )
     return vendor, product, revision or 0
+
+
+def _by_hand(vendor: int | None) -> Hint:
+    """How to add a file without a *vendor*, or without a product number, for the identity of a node."""
+    if not vendor:
+        return Hint(Action.ADD_EDS, {"identity": "vendor=…,product=…"}, " shows the node's identity: {}")
+    own = f"vendor=0x{vendor:X}"
+    hint = Hint(Action.ADD_EDS, {"identity": f"{own},product=…"}, " shows the node's identity: {}")
+    return hint + Hint(Action.ADD_EDS, {"identity": own}, ", or, if it has no product number, {}")
 
 
 def _holds(kept: StoredFile, data: bytes) -> bool:

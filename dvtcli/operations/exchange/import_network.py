@@ -18,7 +18,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import all_nodes, join_some, plural, some_nodes
-from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
 from dvtcli.files.file_info import is_read_out
 from dvtcli.files.input_file import read_input
@@ -397,6 +397,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
 def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterator[FoundNode]:
     """Yield every answering node; reports nodes that are present but do not answer."""
     unnamed: list[Node] = []
+    described: list[Node] = []
     ids = list(_ids(session, notes))
     tell_unknown_bit_rate(session, len(ids))
     silent = _look_ahead(session, ids)
@@ -405,6 +406,7 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
             if node_id in silent:
                 raise silent[node_id]
             node = session.node(node_id)
+            _refuse_file_of_another(session, node)
             held = dict(node.known_pdos())
             found = exported_node(session, node, held, path)
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
@@ -412,13 +414,29 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
                 raise
             notes.append(f"node {node_id} is left out: {failed.text}")
             continue
-        if node.dictionary is None:
-            unnamed.append(node)
+        (unnamed if node.dictionary is None else described).append(node)
         yield FoundNode(found, held, node.read_cache)
     if unnamed:
         who = all_nodes(node.node_id for node in unnamed)
         words = f"{who}: no EDS, so objects are written as numbers; "
         notes.append(add_eds(unnamed, words, " adds it to the library; then import again"))
+
+    kinds = {(told["vendor"], told["product"]) for told in (node.identity() for node in described)}
+    if session.base.eds and len(kinds) > 1:
+        who = all_nodes(node.node_id for node in described)
+        notes.append(f"{Path(session.base.eds).name} describes {who}, whose identities (0x1018) differ")
+
+
+def _refuse_file_of_another(session: SessionNodes, node: Node) -> None:
+    """Raise SafetyRefusal if the file for all nodes is another device's than *node*, except with `force`."""
+    if session.base.eds and node.unlike_file and not session.options.force:
+        raise SafetyRefusal(
+            f"the EDS is another device's: {node.unlike_file}",
+            node=node.node_id,
+            place="1018",
+            hint=Hint(Action.ADD_EDS, {"file": session.base.eds}, "{} describes the nodes of its identity only")
+            + Hint(Action.FORCE, why="uses this file for every node"),
+        )
 
 
 def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import unlike_file
-from dvtcli.device.read_pdos import IDENTITY, ReadCache, read_identity, read_modules
+from dvtcli.device.read_pdos import IDENTITY, ReadCache, read_identity, read_modules, read_optional
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoReader
@@ -43,20 +43,26 @@ _TOLD = (3, 4)
 
 def found_file(node: SdoReader) -> FileChoice | None:
     """Find the file for *node* by its identity; None if unknown."""
-    from dvtcli.files.device_library import match, stored_files
+    from dvtcli.files.device_library import assigned, match, stored_files
 
     files = stored_files()
-    vendor, product = (read_identity(node, sub) for sub in (1, 2))
+    vendor, product = read_identity(node, 1), _product(node)
     if vendor is None or product is None:
         return None
-    if any((file.vendor_id, file.product_code) == (vendor, product) for file in files):
-        from dvtcli.files.device_library import match, stored_files
-
+    if any((file.vendor_id, assigned(file.product_code)) == (vendor, assigned(product)) for file in files):
         found = match(files, vendor, product, read_identity(node, 3))
         if found is not None:
             family = _of_family(node, vendor, product) if found.of_other_revision else None
             return family or as_choice(found)
     return _of_family(node, vendor, product)
+
+
+def _product(node: SdoReader) -> int | None:
+    """Return the product number (1018:02); 0 if the device has no such sub-index, None if it refuses the read."""
+    try:
+        return read_optional(node, IDENTITY, 2, 4) or 0
+    except SdoAborted:
+        return None
 
 
 def as_choice(found: Match) -> FileChoice:

@@ -61,7 +61,7 @@ def test_the_library_is_filled_and_listed(tmp_path: Path) -> None:
     assert all(Path(row.path).is_file() for row in listed)
     with pytest.raises(InputFileError):
         dvtcli.add_eds(tmp_path / "broken.eds")
-    for wrong in ({"vendor": -1, "product": 1}, {"vendor": 1}, {"dry_run": 1}, {"product": "5"}):
+    for wrong in ({"vendor": -1, "product": 1}, {"product": 1}, {"dry_run": 1}, {"product": "5"}):
         with pytest.raises(UsageError):
             dvtcli.add_eds(drive, **wrong)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="which files"):

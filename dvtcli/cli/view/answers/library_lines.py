@@ -53,8 +53,8 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     table = Table(("", "VENDOR", "PRODUCT", "REVISION", "FILE"), shrink=4)
     for row in result.rows:
         table.add(
-            Cell(row.outcome, _STYLES.get(row.outcome, "")), _word(row.vendor_id), _word(row.product_code),
-            _revision(row.revision), row.file,
+            Cell(row.outcome, _STYLES.get(row.outcome, "")), _assigned(row.vendor_id), _assigned(row.product_code),
+            _assigned(row.revision), row.file,
         )  # fmt: skip
     yield from table.lines(width)
     for row in result.rows:
@@ -67,6 +67,8 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     yield [Cell(f"{counts}{others}"), dry]
     if not result.dry_run and not all(row.outcome == REFUSED for row in result.rows):
         which = "them from now on" if result.are_all_taken else "as shown by `eds list`"
+        if any(row.product_code == 0 for row in result.rows):
+            yield "PRODUCT -: for nodes of this vendor without a product number (0x1018:02)"
         who = f"nodes of these identities use {which}"
         yield [Cell(f"{who}; kept in {_at_home(result.folder)}", "dim")]
 
@@ -130,11 +132,7 @@ def _changed(result: LibraryListing) -> Iterator[Line]:
     yield f"{plural(len(result.rows), 'file')} in the library"
 
 
-def _word(value: int | None) -> str:
-    return "-" if value is None else f"0x{value:08X}"
-
-
-def _revision(value: int | None) -> str:
+def _assigned(value: int | None) -> str:
     return f"0x{value:08X}" if value else "-"
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.files.network.read_network import read_network_file
+from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import unknown
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
@@ -340,3 +341,29 @@ def test_what_the_file_says_counts_where_the_eds_says_nothing(tmp_path: Path) ->
         load = bench.run(f"load {file} --at 250000").stdout
         assert "1:tpdo1: synchronous, but no known node produces SYNC" in load
         assert "not known" not in load
+
+
+def test_one_eds_does_not_describe_nodes_of_other_identities(tmp_path: Path) -> None:
+    file, eds = tmp_path / "net.yaml", family_eds("tmcm")
+
+    def bus() -> VirtualTimeBus:
+        return VirtualTimeBus([unknown(3), unknown(4, "tmcm")], simulated=False)
+
+    with Bench((), {"eds": str(eds), "yes": True, "journal": str(tmp_path)}, bus()) as bench:
+        ran = bench.run(f"import {file}")
+        ran.failed(6, "the EDS is another device's")
+        assert f"eds add {eds}` describes the nodes of its identity only" in " ".join(ran.stderr.split())
+        assert not file.exists()
+    with Bench((), {"eds": str(eds), "node": 4, "yes": True, "journal": str(tmp_path)}, bus()) as bench:
+        assert bench.run(f"import {file}").code == 0
+    with Bench((), {"eds": str(eds), "force": True, "yes": True, "journal": str(tmp_path)}, bus()) as bench:
+        assert bench.run(f"import {file}").code == 0
+    assert file.read_text("utf-8").count("dcf:") == 2
+
+
+def test_an_eds_without_identity_is_said_to_describe_different_nodes(tmp_path: Path) -> None:
+    file, eds = tmp_path / "net.yaml", family_eds("lely")
+    bus = VirtualTimeBus([unknown(3), unknown(4, "tmcm")], simulated=False)
+    with Bench((), {"eds": str(eds), "yes": True, "journal": str(tmp_path)}, bus) as bench:
+        notes = bench.run(f"import {file} --json").document["notes"]
+    assert f"{eds.name} describes nodes 3 and 4, whose identities (0x1018) differ" in notes

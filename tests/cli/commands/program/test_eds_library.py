@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import dvtcli
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import read_device_file
@@ -160,7 +162,8 @@ def test_a_dry_run_writes_nothing(offline: Bench) -> None:
         ("eds add lely", 4, "has no vendor number"),
         ("eds add empty", 2, "no EDS, DCF, XDD or XDC file"),
         ("eds add nobody.eds gen4 --identity vendor=1,product=2", 2, "--identity: one file has it, and these are 2"),
-        ("eds add nobody.eds --identity vendor=1", 2, "--identity: vendor and product are needed"),
+        ("eds add nobody.eds --identity product=1", 2, "--identity: a vendor is needed"),
+        ("eds add nobody.eds --identity vendor=0,product=1", 2, "--identity: a vendor is needed"),
         ("eds add nobody.eds --identity maker=1", 2, "write vendor=…"),
         ("eds list --identity vendor=1,product=2", 2, "belongs to eds add"),
         ("eds list a.eds", 2, "takes no file"),
@@ -174,6 +177,65 @@ def test_what_cannot_be_is_refused(line: str, code: int, said: str, offline: Ben
     Path("empty").mkdir()
     ran = offline.run(line)
     ran.failed(code, said)
+
+
+def without_product(node_id: int, product: int | None) -> StrictDevice:
+    """A device of VENDOR whose 1018:02 does not exist (None) or holds no product number."""
+    write("made.eds", text(0x10001, product or 0))
+    described = read_device_file(Path("made.eds")).dictionary
+    identity = described[0x1018]
+    entries = {sub: entry for sub, entry in identity.entries.items() if product is not None or sub != 2}
+    objects = {index: described[index] for index in described} | {0x1018: replace(identity, entries=entries)}
+    return StrictDevice(ObjectDictionary(objects, described.info, described.source), Family(), node_id)
+
+
+@pytest.mark.parametrize("product", [None, 0, 0xFFFFFFFF])
+@pytest.mark.parametrize("given", ["", ",product=0", ",product=0xFFFFFFFF"])
+def test_a_node_without_a_product_number_gets_the_file_of_its_vendor(product: int | None, given: str) -> None:
+    """It does not take away the file of a node that has a number, and never describes such a node."""
+    write("bare.eds", text(product=0xFFFFFFFF))
+    with Bench((), bus=live(without_product(4, product), pump(5))) as bench:
+        refused = bench.run("eds add bare.eds")
+        refused.failed(4, "it has no product number")
+        assert "eds add FILE --identity vendor=0x1234`; or" in " ".join(refused.stderr.split())
+        scanned = bench.run("scan --json").document["nodes"]
+        assert [row["eds"] for row in scanned] == ["", ""]
+        added = bench.run(f"eds add bare.eds --identity vendor=0x{VENDOR:X}{given}")
+        assert (added.code, "without a product number" in " ".join(added.stdout.split())) == (0, True)
+        assert "bare.eds" in bench.run("eds list").stdout
+    with Bench((), bus=live(without_product(4, product), pump(5))) as bench:
+        rows = {row["node"]: row for row in bench.run("scan --json").document["nodes"]}
+        assert rows[4]["eds"].endswith("_bare.eds")
+        assert rows[4]["eds_why"] == "library: vendor, and neither has a product number; bare.eds names no revision"
+        assert rows[5]["eds"] == ""
+        assert bench.run("import net.yaml").code == 0
+        assert bench.run("plan net.yaml --exit-code").code == 0
+    assert "bare.eds" in Path("net.yaml").read_text("utf-8")
+
+
+def test_a_refused_read_of_the_product_number_is_no_missing_number() -> None:
+    """A device that refuses 1018:02 for another reason may have a number: the file of its vendor may be another's."""
+    write("bare.eds", text(product=0))
+    pump(5)
+    described = read_device_file(Path("made.eds")).dictionary
+    refusing = StrictDevice(described, Family(absent={(0x1018, 2): 0x0800_0022}), 5)
+    with Bench((), {"node": 5}, bus=live(refusing)) as bench:
+        assert bench.run(f"eds add bare.eds --identity vendor=0x{VENDOR:X}").code == 0
+        assert bench.run("node --json").document["nodes"][0]["eds"] == ""
+
+
+@pytest.mark.parametrize("line", ["import net.yaml", "export all.cpj", "export all.dbc", "doctor"])
+def test_a_node_without_a_vendor_number_is_not_sent_to_the_library(line: str) -> None:
+    write("nobody.eds", text(vendor=0))
+    nobody = StrictDevice(read_device_file(Path("nobody.eds")).dictionary, Family(), 4)
+    with Bench((), {"yes": True, "interface": "virtual", "channel": "0"}, bus=live(nobody, pump(5))) as bench:
+        assert bench.run("node 4").code == 0
+        ran = bench.run(line)
+        said = " ".join((ran.stdout + ran.stderr).split())
+        assert "no vendor number (0x1018:01), so no file of the library can be found for node 4" in said
+        assert "`dcf: FILE` at it in a network file" in said
+        assert "--eds FILE adds it" not in said
+        assert said.count("eds add FILE") == (0 if line == "doctor" else 1)
 
 
 def test_a_file_that_names_nobody_is_bound_by_hand() -> None:
