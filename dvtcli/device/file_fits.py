@@ -75,9 +75,9 @@ def add_eds(nodes: Iterable[ReadableNode], before: str, after: str) -> Hint:
     for node in nodes:
         words.setdefault(_identity_word(node.identity()), []).append(node.node_id)
     nameless = words.pop("", [])
-    first, *others = (Hint(Action.ADD_EDS, {"identity": word}, "{}") for word in words) if words else [None]
-    if first is None:
+    if not words:
         return _nameless(nameless, before)
+    first, *others = (Hint(Action.ADD_EDS, {"identity": word}, "{}") for word in words)
     chained = replace(first, why=f"{before}{{}}")
     for other in others:
         chained += replace(other, why=", {}")
