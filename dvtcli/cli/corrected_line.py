@@ -31,6 +31,8 @@ _MOST_CORRECTIONS = 3
 _MOST_TRIED = 60
 #: longer lines are not corrected
 _MOST_WORDS = 40
+#: the last TCP port
+_HIGHEST_PORT = 0xFFFF
 #: options that print and end during parsing
 _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 #: a PDO, perhaps misspelt, with its node
@@ -83,8 +85,8 @@ def _event_timer_hint(words: Sequence[str], session: Conversation) -> str:
     for at, word in enumerate(words[:-1]):
         if word == "--event" and words[at + 1].isdigit():
             fault = _fault([*words[:at], "--timer", *words[at + 1 :]], session)
-            why = "" if fault is None else fault.text.removeprefix("Invalid value for '--timer': ")
-            return f"--event has no value; --timer MS sets the event timer: {why}" if why else ""
+            _, wrong_timer, why = ("" if fault is None else fault.text).partition("Invalid value for '--timer': ")
+            return f"--event has no value; --timer MS sets the event timer: {why}" if wrong_timer else ""
     return ""
 
 
@@ -215,7 +217,13 @@ def _with_options(args: list[str], command: click.Command) -> Iterator[list[str]
         plain = _plain(head)
         if plain in names and head != names[plain]:
             yield [*args[:at], names[plain], *([value] if equals else []), *args[at + 1 :]]
-        elif word == "--port" and "listen" in names and args[at + 1 : at + 2] and args[at + 1].isdigit():
+        elif (
+            word == "--port"
+            and "listen" in names
+            and args[at + 1 : at + 2]
+            and args[at + 1].isdigit()
+            and (int(args[at + 1]) <= _HIGHEST_PORT)
+        ):
             yield [*args[:at], names["listen"], f"127.0.0.1:{args[at + 1]}", *args[at + 2 :]]
         elif word == "--event" and "timer" in names and args[at + 1 : at + 2] and args[at + 1].isdigit():
             yield [*args[:at], names["timer"], *args[at + 1 :]]

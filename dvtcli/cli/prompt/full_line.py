@@ -169,6 +169,11 @@ class KeptHistory(FileHistory):
         if not self._is_secret(string):
             super().append_string(string)
 
+    def remember(self, string: str) -> None:
+        """Add *string* for this session only: a line that cannot be read may have a passcode in any place."""
+        if not self._is_secret(string):
+            self._loaded_strings.insert(0, string)
+
     def store_string(self, string: str) -> None:
         """Append *string* to the file if possible."""
         try:
@@ -489,6 +494,17 @@ class _Correction:
     shown_s: float = 0.0
 
 
+def _end_unread(event: KeyPressEvent) -> None:
+    """End the input with a line that cannot be read: its error is printed when it runs, and ↑ brings it back."""
+    buffer = event.current_buffer
+    buffer.validation_error = None
+    if isinstance(buffer.history, KeptHistory):
+        buffer.history.remember(buffer.text)
+    else:
+        buffer.append_to_history()
+    event.app.exit(result=buffer.text)
+
+
 def bindings(show_help: Callable[[str], None]) -> KeyBindings:
     """Return the additional keys; *show_help* prints help for the line so far."""
     keys, correction = KeyBindings(), _Correction()
@@ -512,9 +528,7 @@ def bindings(show_help: Callable[[str], None]) -> KeyBindings:
             buffer.validation_error = refused
             correction.line, correction.shown_s = corrected, monotonic()
         elif refused is not None and corrected is None and len(buffer.text.splitlines()) == 1:
-            buffer.validation_error = None
-            buffer.append_to_history()
-            event.app.exit(result=buffer.text)
+            _end_unread(event)
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:

@@ -111,7 +111,8 @@ class Prompt:
                 left = [text for text in lines[number:] if text.strip()]
                 if left and code != LEAVE:
                     first = left[0].strip().split(" ")[0]  # the rest of it may have a passcode
-                    what = f"line {number} of {len(lines)} failed; {plural(len(left), 'line')} not run"
+                    ended = f"ended with exit code {code}" if code else "was stopped"
+                    what = f"line {number} of {len(lines)} {ended}; {plural(len(left), 'line')} not run"
                     self._session.output.warning(f"{what}, from `{safe(first)}` on")
                 break
         return code

@@ -118,7 +118,7 @@ def _commanded(
     return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))
 
 
-_UNSEEN = Hint(Action.FIND_NODES, why="nodes without a heartbeat got it, too, and are not confirmed: {} finds them")
+_UNSEEN = Hint(Action.FIND_NODES, why="nodes without a heartbeat may have got it, too, unconfirmed: {} finds them")
 
 
 def _known(session: SessionNodes) -> set[int]:

@@ -151,6 +151,26 @@ def test_an_event_timer_out_of_range_is_hinted_at_with_its_range(typed: str) -> 
         )
 
 
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "read 1000 --event 5",
+        "map tpdo1 nosuch --event 100",
+        "map tpdo1 6041 --event 100 --bogus",
+        "set tpdo9x --event 9",
+    ],
+)
+def test_another_error_of_the_line_keeps_its_hint(typed: str) -> None:
+    with Bench() as bench:
+        ran = bench.run(typed)
+        assert (ran.code, "--event has no value" in ran.stderr) == (2, False), ran.stderr
+
+
+def test_no_correction_names_a_port_that_there_is_not(session: Conversation) -> None:
+    assert corrected(["gateway", "--port", "29536"], session) == ["gateway", "--listen", "127.0.0.1:29536"]
+    assert corrected(["gateway", "--port", "99999"], session) is None
+
+
 def test_a_passcode_is_in_no_correction(tmp_path: Path) -> None:
     (tmp_path / "p.dvt").write_text("wrte 5000:2 4711\n")
     done = dvtcli("--sim", "gen4", "--json", "run", str(tmp_path / "p.dvt"))

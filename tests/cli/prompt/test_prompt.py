@@ -138,7 +138,7 @@ def test_pasted_lines_that_were_not_run_are_named(gen4: Terminal) -> None:
     gen4.type(PASTE_BEGINS + "\n".join(lines) + PASTE_ENDS)
     gen4.until(lambda: "pdo tpdo1" in gen4.cursor_line, "the pasted lines")
     gen4.type(ENTER)
-    gen4.wait("warning: line 2 of 4 failed; 2 lines not run, from `verify` on")
+    gen4.wait("warning: line 2 of 4 ended with exit code 1; 2 lines not run, from `verify` on")
 
 
 def test_the_wrong_line_of_a_paste_is_numbered_and_none_runs(gen4: Terminal) -> None:
@@ -267,6 +267,30 @@ def test_lines_are_kept_for_the_user_alone(open_terminal: Open, tmp_path: Path) 
     second.wait_prompt()
     second.type(CTRL_R + "RPDO")
     second.until(lambda: "pdo rpdo2" in second.cursor_line, "the line that was searched")
+
+
+@pytest.mark.parametrize("line", ["login 4 0x4bdf", "logni 4bdf", "login --level 4bdf"])
+def test_a_line_that_cannot_be_read_is_kept_for_this_session_only(
+    open_terminal: Open, tmp_path: Path, line: str
+) -> None:
+    """It may have a passcode in any place."""
+    terminal = open_terminal("--sim", "gen4")
+    terminal.wait_prompt()
+    terminal.run(line)
+    terminal.wait("hint")
+    terminal.wait_prompt()
+    terminal.type(UP)
+    terminal.until(lambda: terminal.cursor_line == f"sim/1 PRE-OP> {line}", "the line again")
+    terminal.type(CTRL_C)
+    terminal.wait_prompt()
+    terminal.run("pdo rpdo2")
+    terminal.wait("RPDO2 of node 1")
+    terminal.wait_prompt()
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+    (history,) = tmp_path.glob("dvtcli/**/history")
+    kept = history.read_text("utf-8")
+    assert ("4bdf" in kept, "+pdo rpdo2" in kept) == (False, True)
 
 
 def test_history_that_cannot_be_kept_is_said(open_terminal: Open, tmp_path: Path) -> None:

@@ -121,3 +121,19 @@ def test_pdos_without_lines_are_named() -> None:
     ]  # fmt: skip
     (line,) = shown(found)
     assert "(6 times: also TPDO2 of nodes 1-3 (0x181-0x183); TPDO1 of nodes 2, 3 (0x182, 0x183))" in line
+
+
+@pytest.mark.parametrize(("can_ids", "named"), [
+    ((0x210, 0x233, 0x222), " (0x233, 0x222)"),
+    ((0x210, 0x222, 0x223), " (0x222, 0x223)"),
+    ((0x210, 0x222, 0x222), " (0x222, 0x222)"),
+])  # fmt: skip
+def test_can_ids_stand_in_the_order_of_their_nodes(can_ids: tuple[int, ...], named: str) -> None:
+    found = [
+        NetworkFinding(
+            1, "note", "rpdo-without-producer", "", f"node {node} RPDO1: no node of the network transmits 0x{can_id:X}",
+            node=node, pdo="rpdo1",
+        ) for node, can_id in enumerate(can_ids, 1)
+    ]  # fmt: skip
+    (line,) = shown(found)
+    assert f"(3 times: also nodes 2, 3{named})" in line

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.error_lines import MANY, PDO_CAN_ID, by_cause, source_lines
@@ -208,24 +208,31 @@ def _more(found: NetworkFinding, others: list[NetworkFinding]) -> str:
     """Count *found* and *others*, and name all places of the others."""
     if not others:
         return ""
-    nodes: dict[str, list[int]] = {}
-    can_ids: dict[str, set[int]] = {}
+    nodes: dict[str, dict[int, list[int]]] = {}  # by PDO or object: the CAN-IDs named in the texts about each node
     for other in others:
-        numbers, what = nodes.setdefault(_what(other), []), _what(other)
+        numbers, what = nodes.setdefault(_what(other), {}), _what(other)
         if other.node is not None and (what or other.node != found.node):
-            numbers.append(other.node)
-        if other.pdo is not None and len(told := set(PDO_CAN_ID.findall(other.text))) == 1:
-            can_ids.setdefault(what, set()).add(int(told.pop(), 16))
+            named_ids = set(PDO_CAN_ID.findall(other.text)) if other.pdo is not None else ()
+            numbers.setdefault(other.node, []).extend(int(can_id, 16) for can_id in named_ids)
     also = []
     for what, numbers in nodes.items():
-        who = f"node{'s' * (len(set(numbers)) > 1)} {_ranges(numbers)}" if numbers else ""
-        named = f" ({_ranges(can_ids[what], '0x{:X}')})" if what in can_ids else ""
+        who = f"node{'s' * (len(numbers) > 1)} {_ranges(numbers)}" if numbers else ""
+        named = _can_ids_of(numbers)
         is_plain = len(nodes) == 1 and what == _what(found) and who
         also.append((who if is_plain else " of ".join(part for part in (what, who) if part)) + named)
     if lines := {other.line for other in others if other.column} - {found.line}:
         also.append(f"line {_ranges(lines)}")
     places = "; ".join(part for part in also if part)
     return f"({len(others) + 1} times{places and f': also {places}'}) "
+
+
+def _can_ids_of(nodes: Mapping[int, Sequence[int]]) -> str:
+    """Name the CAN-ID of each of *nodes* in their order, in parentheses; empty unless each node has one."""
+    can_ids = [can_id for node in sorted(nodes) for can_id in nodes[node]]
+    if not can_ids or any(len(of_node) != 1 for of_node in nodes.values()):
+        return ""
+    is_ascending = can_ids == sorted(set(can_ids))
+    return f" ({_ranges(can_ids, '0x{:X}') if is_ascending else ', '.join(map('0x{:X}'.format, can_ids))})"
 
 
 def _what(found: NetworkFinding) -> str:
