@@ -181,7 +181,7 @@ def sentence(hint: Hint, write: Callable[[Hint], str]) -> str:
     text = ""
     for step in hint:
         said = step.why if step.action is None else _placed(step.why, write(step))
-        text += said if not text or said[:1] in (",", " ") else f"; {said}"
+        text += said if not text or said[:1] in (",", " ", ";") else f"; {said}"
     return text
 
 

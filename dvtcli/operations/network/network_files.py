@@ -16,7 +16,7 @@ from dvtcli.domain.text import all_nodes
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import is_about_device
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
-from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.changes.change import names, takes_store, understood
 from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import check_plans
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
-    from dvtcli.operations.user.session_user import SessionUser
 
 _GATEWAY_LINES = ".309"
 
@@ -114,16 +113,22 @@ def apply_file(
     return applied_now
 
 
-def _tell_unproved(session: SessionUser, plan: NetworkPlan) -> None:
+def _tell_unproved(session: SessionNodes, plan: NetworkPlan) -> None:
     """Report nodes of *plan* whose stored values were to be proved and are not."""
-    unasked = [node.node_id for node in plan.nodes if not (node.store or node.is_asked_nothing)]
+    left = [node.node_id for node in plan.nodes if not (node.store or node.is_asked_nothing)]
+    unasked = [node_id for node_id in left if takes_store(session.node(node_id))]
+    unable = [node_id for node_id in left if node_id not in unasked]
     if not any(node.store for node in plan.nodes):
         words = (
             f"nothing is proved: {verbatim(plan.file)} stores on no node (`store: true`), and {{}} proves stores only"
         )
-        how = Hint(Action.PROVE_STORE, {"node": unasked}, "; {} stores and proves")
-        session.reporter.warning(Hint(Action.GIVE, {"prove": True}, words) + how)
+        how = Hint(Action.GIVE, {"prove": True}, words)
+        if unasked:
+            how += Hint(Action.PROVE_STORE, {"node": unasked}, "{} stores and proves")
+        session.reporter.warning(how + f"{all_nodes(unable)} cannot store (0x1010)" if unable else how)
         return
+    if unable:
+        session.reporter.note(f"{all_nodes(unable)} cannot store (0x1010), so nothing is proved")
     again = [node.node_id for node in plan.nodes if node.store and not node.stores]
     for ids, why in (
         (unasked, ": no `store: true`, so nothing is proved; {} stores and proves"),

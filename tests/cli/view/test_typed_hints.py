@@ -11,7 +11,7 @@ import pytest
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.view.typed_hints import COMMANDS, OPTIONS, TypedCall, TypedHints, typed
-from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.hint import Action, Hint, as_hint, sentence
 from dvtcli.operations.api.called_hints import ARGUMENTS, CALLS, called
 from tests.cli.commands.bench import Bench, Ran
 
@@ -144,3 +144,9 @@ def test_what_comes_next_keeps_the_bus_of_the_call() -> None:
         assert "Compare: dvtcli --sim generic@5 compare h.dcf\n" in bench.run("export h.dcf").stdout
         assert "Compare: dvtcli --sim generic@5 compare b.dcf\n" in bench.run("backup b.dcf").stdout
         assert "hint    --format text | json | jsonl | github | junit" in bench.run("diff m.yaml --format sarif").stderr
+
+
+@pytest.mark.parametrize("begin", ["", "; ", ", ", " "])
+def test_steps_are_joined_by_one_mark(begin: str) -> None:
+    hint = Hint(Action.FIND_NODES, why="first {}") + Hint(Action.FIND_NODES, why=f"{begin}then {{}}")
+    assert sentence(hint, lambda _step: "it") == f"first it{begin or '; '}then it"

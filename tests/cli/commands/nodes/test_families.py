@@ -79,7 +79,7 @@ def test_what_cannot_be_stored_is_said_in_one_sentence_with_the_maker_s_way() ->
         ran = bench.run("store")
         assert ran.code == 1
         assert "error: this device cannot store" in ran.stderr
-        assert "write 2017 1` (assumed" in ran.stderr
+        assert "write 2017 1 --as u8` (assumed" in ran.stderr
         assert bench.run("map tpdo1 2100-1").code == 0
         assert bench.session.node().unstored
         ran = bench.run("write 2017 1")

@@ -24,6 +24,7 @@ from tests.bus.devices import unknown
 from tests.cli.commands.bench import Bench, Ran, beside
 from tests.cli.commands.bus import Wire, device
 from tests.harness.sample import heavy
+from tests.virtual_time import VirtualTimeBus
 
 MAP = "map tpdo1 6064 606C"
 #: how the generic drive's first TPDO is delivered, and how `MAP` leaves it
@@ -620,6 +621,35 @@ def test_a_node_that_the_file_does_not_store_is_named_by_the_proof_of_the_others
         assert (ran.code, "proved" in ran.stdout) == (0, True)
         assert "note: node 4: no `store: true`, so nothing is proved; `dvtcli " in ran.stderr
         assert " -n 4 store --prove` stores and proves" in ran.stderr
+
+
+@pytest.mark.parametrize("others", [(), ("generic@5",)])
+@pytest.mark.parametrize("stored", [False, True])
+def test_no_proof_is_offered_for_a_node_that_cannot_store(
+    others: tuple[str, ...], stored: bool, tmp_path: Path
+) -> None:
+    """The way that its maker has is said, and runs as printed also without an EDS."""
+    file = tmp_path / "net.yaml"
+    timer = "tpdo: {1: {event_timer: 80}}"
+    nodes = [f"a: {{node_id: 4, {timer}}}\n", *(f"b: {{node_id: 5, {timer}}}\n" for _ in others)]
+    nodes += [f"c: {{node_id: 6, store: true, {timer}}}\n"] * stored
+    file.write_text("".join(nodes), "utf-8")
+    with Bench(("roboteq@4", *others, "generic@6"), {"yes": True}) as bench:
+        ran = bench.run(f"apply {file} --prove")
+        said = " ".join(ran.stderr.split())
+        assert ran.code == 0
+        assert "node 4 cannot store (0x1010)" in said
+        assert "; ;" not in said
+        assert (" -n 4 store" in said, "-n 4,5 store" in said) == (False, False)
+        assert said.count("store --prove` stores and proves") == len(others)
+        assert "to keep it, `write 2017 1 --as u8`" in " ".join(ran.stdout.split())
+
+
+def test_the_makers_way_to_store_runs_without_an_eds() -> None:
+    with Bench((), {"node": 5, "yes": True}, bus=VirtualTimeBus([unknown(5, "roboteq")], simulated=False)) as bench:
+        hint = re.search("`(write .*?)`", bench.run("store").stderr)
+        assert hint is not None
+        assert bench.run(hint[1]).code == 0
 
 
 @heavy
