@@ -230,7 +230,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
 
 def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
     """Show findings by place in the file; then findings without a place."""
-    ordered = sorted(error.findings, key=_line_of)
+    ordered = sorted(_merged(error.findings), key=_line_of)
     for finding in ordered[:_MOST_COMPLAINTS]:
         node = "" if error.node is None or finding.text.startswith("node ") else f"node {error.node}: "
         place = f"{at}: " if at else ""
@@ -244,6 +244,16 @@ def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         yield f"{len(ordered)} errors ({_MOST_COMPLAINTS} shown)."
     yield from _rows(row for row in error.details if row[0] == "also")
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
+
+
+def _merged(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield *findings* that say the same at the same place of a file as one, with all objects."""
+    same: dict[tuple[str, str, str], list[Finding]] = {}
+    for finding in findings:
+        place = finding.place if finding.complaint is None else finding.complaint.place
+        same.setdefault((place, finding.rule, finding.text), []).append(finding)
+    for some in same.values():
+        yield replace(some[0], place=join_some(dict.fromkeys(finding.place for finding in some)))
 
 
 def _line_of(finding: Finding) -> tuple[bool, int]:

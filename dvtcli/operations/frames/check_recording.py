@@ -113,11 +113,10 @@ class _Known:
 
 
 def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
-    is_given = options.dbc is not None or session.base.eds is not None
     dbc, config = options.dbc, network_config_of(options.dbc)
     rpdos, tpdos, bit_rate = ({}, {}, None) if dbc is None or config is None else _of_network(dbc, config)
     return _Known(
-        decoder_for(session, None, dbc, config=config) if is_given else None,
+        None if dbc is None else decoder_for(session, None, dbc, config=config),
         described_nodes(session, dbc, config), rpdos, tpdos, options.bit_rate or bit_rate,
         () if config is None else tuple(sorted(node.node_id for node in config.nodes)),
     )  # fmt: skip

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.files.recordings.recording_file import read_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
-    from dvtcli.watch.decoder import Decoder
+    from dvtcli.watch.decoder import Address, Decoder
 
 
 def decoder_for(
@@ -49,7 +50,10 @@ def decoder_for(
             )
         return Decoder(file_layouts(dbc, session.reporter, config))
     if base.eds is not None:
-        return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile, base.modules)
+        file, chosen = file_or_family(base.eds), nodes or base.nodes
+        decoder = _file_decoder(file, chosen, base.profile, base.modules)
+        only = None if chosen or path is None else _only_node(session, path, file, decoder)
+        return decoder if only is None else _file_decoder(file, (only,), base.profile, base.modules)
     if base.sim or base.nodes or nodes or session.is_open:
         return live_decoder(session, nodes or ())
     return Decoder() if path is None else _own_decoder(session, path)
@@ -78,6 +82,39 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     left = f"; not {join_some(missing)}" if missing else ""
     session.reporter.note(f"mappings from the SDO transfers in {path.name}: {names}{left}")
     return decoder
+
+
+def _only_node(session: SessionUser, path: Path, file: Path, decoder: Decoder) -> int | None:
+    """Return the only node of the recording at *path* if the EDS *file* was taken for a node without frames in it.
+
+    The node is one with PDOs if any node has PDOs. None, with a note, if there are several, or if *file* is about the
+    node that it was taken for.
+    """
+    from dvtcli.domain.text import all_nodes
+    from dvtcli.operations.session.simulated_nodes import read_dictionary
+    from dvtcli.watch.service import service_of
+
+    taken = min(decoder.identities)
+    addresses = _addresses(path)
+    services = [service_of(can_id, extended=extended) for can_id, extended in addresses]
+    nodes = {service.node for service in services if service.node}
+    if not nodes or taken in nodes or not addresses.isdisjoint(decoder.layouts):
+        return None
+    senders = sorted({service.node for service in services if service.node and service.kind == "pdo"} or nodes)
+    if len(senders) == 1 and read_dictionary(file).info.node_id is None:
+        session.reporter.note(f"{file.name} is taken for node {senders[0]}, the only one in {path.name}")
+        return senders[0]
+    words = f"{file.name} is taken for node {taken}, and {path.name} has {all_nodes(senders)}"
+    session.reporter.note(Hint(Action.GIVE, {"node_id": senders[0]}, f"{verbatim(words)}: {{}}"))
+    return None
+
+
+def _addresses(path: Path) -> set[Address]:
+    """Return the addresses of all frames at *path*, up to its damage, which is reported when they are decoded."""
+    found: set[Address] = set()
+    with suppress(InputFileError):
+        found.update((frame.can_id, frame.extended) for frame in read_recording(path))
+    return found
 
 
 def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, modules: tuple[str, ...]) -> Decoder:

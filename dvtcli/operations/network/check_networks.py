@@ -322,10 +322,16 @@ def without_repeats(first: Sequence[NetworkFinding], others: Iterable[NetworkFin
         if not any((other.node, other.pdo, name) in said for name in same) and (other.node, other.text) not in texts:
             new.append(other)
     superseded = {(finding.node, finding.pdo, name) for finding in new for name in SUPERSEDED.get(finding.rule, ())}
-    yield from (
-        finding for finding in dict.fromkeys(first) if (finding.node, finding.pdo, finding.rule) not in superseded
-    )
-    yield from new
+    yield from (finding for finding in _once(first) if (finding.node, finding.pdo, finding.rule) not in superseded)
+    yield from _once(new)
+
+
+def _once(findings: Iterable[NetworkFinding]) -> Iterator[NetworkFinding]:
+    """Yield *findings* that say the same at the same place of the file once, such as of two equal dummies."""
+    seen: dict[NetworkFinding, NetworkFinding] = {}
+    for finding in findings:
+        seen.setdefault(replace(finding, object="") if finding.column else finding, finding)
+    yield from seen.values()
 
 
 def _finding(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.commands.bench import Bench
 
 #: TPDO1 of node 5 is read: COB-ID, count, 6041:00 of 16 bits
@@ -97,3 +98,42 @@ def test_where_nothing_is_said_frames_stay_bytes(frames: tuple[str, ...]) -> Non
 def test_a_file_that_somebody_names_goes_before_it() -> None:
     record(*READ, "185#3712")
     assert "by the SDO transfers" not in run("decode run.log", eds="gen4")[1]
+
+
+EDS = family_eds("generic")
+
+
+@pytest.mark.parametrize("beside", [(), ("77F#05", "583#4B41600037120000")])
+def test_an_eds_is_taken_for_the_only_node_with_pdos(beside: tuple[str, ...]) -> None:
+    record("183#3712", *beside, "183#3702")
+    out, said = run("decode run.log", eds=str(EDS))
+    assert f"{EDS.name} is taken for node 3, the only one in run.log" in said
+    assert "Statusword=" in out
+    assert "TPDO1 node 3 6041:00 Statusword" in run("decode run.log --csv", eds=str(EDS))[0].splitlines()[0]
+    with Bench((), {"eds": str(EDS)}) as bench:
+        assert "is taken for node 3" in bench.run("check run.log").stderr
+
+
+def test_an_eds_is_not_taken_silently_for_a_node_that_the_recording_lacks() -> None:
+    record("183#3712", "184#3702")
+    out, said = run("decode run.log", eds=str(EDS))
+    assert f"{EDS.name} is taken for node 1, and run.log has nodes 3 and 4: -n 3" in " ".join(said.split())
+    assert "Statusword" not in out
+    out, said = run("decode run.log", eds=str(EDS), node=4)
+    assert "taken for" not in said
+    assert "Statusword=" in out.splitlines()[1]
+
+
+def test_an_eds_stays_with_its_node_if_the_recording_has_it() -> None:
+    record("181#3712", "184#3702")
+    out, said = run("decode run.log", eds=str(EDS))
+    assert "taken for" not in said
+    assert "Statusword=" in out.splitlines()[0]
+
+
+def test_a_dcf_is_about_its_own_node() -> None:
+    with Bench(("generic@5",), {"yes": True}) as bench:
+        assert bench.run("export five.dcf").code == 0
+    record("183#3712")
+    said = run("decode run.log", eds="five.dcf")[1]
+    assert "five.dcf is taken for node 5, and run.log has node 3: -n 3" in " ".join(said.split())

@@ -323,7 +323,7 @@ def test_an_eds_beside_a_dbc_is_said_not_to_be_used(tmp_path: Path) -> None:
         assert bench.run(f"export {dbc}").code == 0
     with Bench((), {"eds": "generic"}) as bench:
         ran = bench.run(f"decode {log} -d {dbc}")
-        assert (ran.code, f"--eds generic is not used: {dbc} says" in ran.stderr) == (0, True)
+        assert (ran.code, f"--eds generic is not used: {dbc} describes" in ran.stderr) == (0, True)
 
 
 def test_an_error_in_standard_input_names_it() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
+from tests.small_eds import plain
 
 FILE = """
 nodes:
@@ -318,3 +319,19 @@ def test_a_plan_shows_29_bits_with_eight_digits(tmp_path: Path) -> None:
         report = bench.run(f"diff {tmp_path}/net.yaml --format junit")
     assert "0x185  ->  0x000001AB" in planned.stdout, planned
     assert "cob_id is 0x185, expected 0x000001AB" in report.stdout, report
+
+
+def test_one_place_of_a_file_has_a_finding_once(tmp_path: Path) -> None:
+    """Two equal dummies are one word of the file; each of two words has its own finding."""
+    eds, file = tmp_path / "nod.eds", tmp_path / "net.yaml"
+    made = plain()
+    made.dummies = ()
+    eds.write_text(made.text(), "utf-8")
+    for mapping, count in (("[dummy/16, 6200:01, dummy/16]", 1), ("[0003/16, 6200:01, 0003/16]", 2)):
+        file.write_text(f"b: {{node_id: 6, dcf: nod.eds, rpdo: {{1: {{mapping: {mapping}}}}}}}\n", "utf-8")
+        with Bench((f"{eds}@6",)) as bench:
+            checked = bench.run(f"check {file}")
+            assert (checked.code, checked.stdout.count("has no dummy 0003:00/16")) == (4, count)
+            planned = bench.run(f"plan {file}")
+            assert (planned.code, planned.stderr.count("has no dummy 0003:00/16")) == (1, count)
+            assert [place in planned.stderr for place in ("0x1600:01", "0x1600:03")] == [True, True]
