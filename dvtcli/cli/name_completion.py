@@ -218,7 +218,12 @@ def _matchers(wanted: str, name: str) -> tuple[list[Callable[[Row], bool]], list
         beginnings.append(lambda row: row[0].replace(":0", ":").startswith(wanted))
     if not name:
         return beginnings, []
-    beginnings += [lambda row: row[1] == name, lambda row: row[1].startswith(name)]
+    letters = name.replace("_", "")
+    beginnings += [
+        lambda row: row[1] == name,
+        lambda row: row[1].startswith(name),
+        lambda row: row[1].replace("_", "").startswith(letters),  # `statusw` is the beginning of `status_word`
+    ]
     return beginnings, [lambda row: f"_{name}" in row[1] or f".{name}" in row[1], lambda row: name in row[1]]
 
 

@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 _WORDS = {command.word: command for command in NmtCommand}
 
 
+class NmtWord(click.Choice[str]):
+    """A word of an NMT command; also `pre-op`, as answers call that state."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the word."""
+        return super().convert("preop" if value.lower() == "pre-op" else value, param, ctx)
+
+
 class NodeOrAll(CanopenType):
     """A node-ID, or the word `all`."""
 
@@ -38,7 +46,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 
 
 @click.command("nmt", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
-@click.argument("command_", type=click.Choice(list(_WORDS)), metavar="start|stop|preop|reset-node|reset-comm")
+@click.argument("command_", type=NmtWord(list(_WORDS)), metavar="start|stop|preop|reset-node|reset-comm")
 @click.argument("node_id", type=NodeOrAll(), required=False, metavar="[NODE|all]")
 @click.pass_obj
 def command(session: Conversation, /, command_: str, node_id: int | None) -> Commanded:

@@ -51,6 +51,12 @@ def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Conver
     assert words(session, "read nothing_is_called_so") == []
 
 
+def test_a_name_typed_without_its_blanks_is_found(session: Conversation) -> None:
+    assert words(session, "read velocityactual")[0] == "606C:00"
+    assert words(session, "map tpdo1 velocityactual")[0] == "606C:00"
+    assert words(session, "read status_w")[0] == "6041:00"
+
+
 def test_a_drives_usual_objects_come_first_and_dummies_before_parts_of_names(session: Conversation) -> None:
     assert words(session, "map tpdo1 ")[:3] == ["6041:00", "6040:00", "606C:00"]
     assert words(session, "map rpdo1 ")[0] == "6040:00"

@@ -96,7 +96,7 @@ def test_nodes_without_a_heartbeat_are_named_as_not_confirmed(line: str) -> None
     with Bench((), {"node": 1}, VirtualTimeBus([device("gen4", 1), silent], simulated=False)) as bench:
         ran = bench.run(line)
         assert ran.code == 0
-        assert "note: nodes without a heartbeat may have got it, too, unconfirmed: `dvtcli " in ran.stderr
+        assert "note: nodes without a heartbeat got it, too, and are not confirmed: `dvtcli " in ran.stderr
         assert " scan` finds them" in ran.stderr
 
 
@@ -297,3 +297,10 @@ def test_a_reset_without_a_boot_up_message_is_said() -> None:
         0,
         True,
     )
+
+
+@pytest.mark.parametrize("word", ["pre-op", "PRE-OP", "preop"])
+def test_the_state_as_answers_write_it_is_a_command(word: str) -> None:
+    with Bench() as bench:
+        assert bench.run("nmt start --yes").code == 0
+        assert bench.run(f"nmt {word} --json").document["state"] == "PRE-OPERATIONAL"
