@@ -58,6 +58,7 @@ class Node(Changeable):
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.request import instead_findings, requested_parameters
         from dvtcli.domain.rules import check_pdo
+        from dvtcli.domain.rules.communication import timer_findings
         from dvtcli.domain.text import join_some
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
@@ -74,7 +75,7 @@ class Node(Changeable):
         for pdo, want in wanted.items():
             if now[pdo] != want or not want.has_cob_id:  # the present state is unknown
                 proposed = proposal(self, pdo, now[pdo], want, wanted)
-                judged = (*instead_findings(wants[pdo], proposed), *check_pdo(proposed))
+                judged = (*instead_findings(wants[pdo], proposed), *check_pdo(proposed), *timer_findings(proposed))
                 findings += _fitting(judged, pdo, wants[pdo])
         labels = join_some(pdo.label for pdo in wanted)
         # with nothing to write, force would only turn "unknown" into "equal"

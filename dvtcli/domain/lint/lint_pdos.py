@@ -184,9 +184,8 @@ def synchronous_without_sync(device: DescribedDevice) -> Found:
 def timer_below_inhibit(device: DescribedDevice) -> Found:
     """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) demands."""
     for pdo in device.pdos:
-        held = pdo.config.communication
-        if pdo.pdo.is_tpdo and held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
-            text = f"the event timer is {held.event_timer} ms, the inhibit time {held.inhibit_time / 10:g} ms"
+        text = communication.timer_below_inhibit(pdo.config.communication)
+        if pdo.pdo.is_tpdo and text:
             yield Spot(pdo.pdo.communication_index, 5, HELD), f"{pdo.pdo.label}: {text}"
 
 

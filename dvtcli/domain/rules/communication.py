@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
-from dvtcli.domain.pdo import MAX_ENTRIES, is_mapping_index
+from dvtcli.domain.pdo import MAX_ENTRIES, PdoCommunicationParameter, is_mapping_index
 from dvtcli.domain.plan import INHIBIT_TIME, Step, plan_pdo
 from dvtcli.domain.profile import Severity, within
-from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error, note, warning
+from dvtcli.domain.rules.finding import ERROR, NOTE, Finding, Proposal, Rule, error, note, warning
 
 RULES = (
     Rule("parameter-exists", ERROR, "the PDO has no such parameter", "the device; the EDS", (Abort.NO_SUB_INDEX,)),
@@ -23,6 +23,8 @@ RULES = (
     Rule("event-timer", (Severity.WARNING, Severity.NOTE),
          "the event timer has no effect with this type on this family (warning), or by CiA 301 (note)",
          "the family; CiA 301, 7.5.2.37"),
+    Rule("timer-below-inhibit", NOTE, "the event timer of a TPDO is shorter than its inhibit time",
+         "CiA 301, 7.5.2.37"),
     Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
     Rule("parameter-length", ERROR, "a parameter has another length in the device's file than in CiA 301",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS, DataType (CiA 306)", (Abort.TOO_LONG, Abort.TOO_SHORT)),
@@ -141,6 +143,23 @@ def _combination_findings(proposal: Proposal) -> Iterator[Finding]:
     elif timed and proposal.pdo.is_tpdo and kind is not None and kind < _EVENT_DRIVEN:
         text = f"CiA 301 uses the event timer with types 254 and 255 only, this is type {kind}"
         yield note("event-timer", proposal.communication_place(5), text)
+
+
+def timer_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Note the times of a changed TPDO if they contradict; the checks of files and networks judge all TPDOs."""
+    now, want = proposal.now.communication, proposal.want.communication
+    changed = (now.event_timer, now.inhibit_time) != (want.event_timer, want.inhibit_time)
+    if proposal.pdo.is_tpdo and changed and (text := timer_below_inhibit(want)):
+        place = proposal.communication_place(EVENT_TIMER)
+        yield note("timer-below-inhibit", place, f"{text}, which wins")
+
+
+def timer_below_inhibit(held: PdoCommunicationParameter) -> str:
+    """The two times of a TPDO whose event timer is shorter than its inhibit time, which wins; else empty."""
+    timer_ms, inhibit = held.event_timer, held.inhibit_time
+    if not timer_ms or not inhibit or timer_ms * 10 >= inhibit:
+        return ""
+    return f"the event timer is {timer_ms} ms, the inhibit time {inhibit / 10:g} ms"
 
 
 COB_ID = 1

@@ -16,6 +16,7 @@ from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.request import Cleared, PdoRequest, cleared
 from dvtcli.domain.rules import check_pdo, errors_in
+from dvtcli.domain.rules.communication import timer_findings
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
@@ -39,7 +40,8 @@ Configs = Mapping["Pdo", "PdoConfig"]
 
 def judge_edited(node: ReadableNode, held: Configs, changed: Configs) -> dict[Pdo, tuple[Finding, ...]]:
     """Return what the rules say of each of *changed* PDOs of *node*, which *held* others before."""
-    return {pdo: check_pdo(proposal(node, pdo, held[pdo], want, changed)) for pdo, want in changed.items()}
+    proposals = {pdo: proposal(node, pdo, held[pdo], want, changed) for pdo, want in changed.items()}
+    return {pdo: (*check_pdo(proposed), *timer_findings(proposed)) for pdo, proposed in proposals.items()}
 
 
 def plan_edited(session: Session, node_id: int, held: Configs, changed: Configs) -> Changed:

@@ -10,6 +10,7 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound
 from dvtcli.domain.network.network_state import NodeState
 from dvtcli.domain.network.worst_case_load import EVENT_DRIVEN, WorstCaseLoad, data_bytes
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.rules import communication
 
 _TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
 _ANALYSIS = "Davis, Burns, Bril, Lukkien 2007"
@@ -73,9 +74,7 @@ def timer_without_inhibit(network: CheckedNetwork) -> NetFound:
 def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
     """The inhibit time wins."""
     for node, pdo, config in network.tpdos:
-        held = config.communication
-        if held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
-            text = f"the event timer is {held.event_timer} ms, the inhibit time {held.inhibit_time / 10:g} ms"
+        if text := communication.timer_below_inhibit(config.communication):
             yield at(node, pdo), text
 
 

@@ -140,3 +140,16 @@ def test_a_bracket_that_is_not_closed_is_shown_where_it_begins(tmp_path: Path) -
     (tmp_path / "n.yaml").write_text("nodes:\n  a: [1,2\n\n\n")
     done = dvtcli("check", "n.yaml", cwd=tmp_path)
     assert "n.yaml:2:6: error: not YAML: a bracket or brace is not closed" in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("line", ["set tpdo1 --timer 20", "map tpdo1 6041 --timer 20", "set tpdo1 --inhibit 30"])
+def test_an_event_timer_below_the_inhibit_time_is_noted_at_once(line: str) -> None:
+    with Bench(("generic",)) as bench:
+        assert bench.run("set tpdo1 --inhibit 15 --timer 25 --type 255").code == 0
+        said = bench.run("set tpdo1 --inhibit 100" if "--timer" in line else "read 1017").stderr
+        assert ("timer" in said) == ("--timer" in line)
+        ran = bench.run(f"{line} --json")
+        assert ran.code == 0
+        (finding,) = [one for one in ran.document["findings"] if one["rule"] == "timer-below-inhibit"]
+        assert (finding["severity"], finding["place"]) == ("note", "0x1800:05")
+        assert "timer-below-inhibit" not in bench.run("set tpdo1 --type 254 --json").stdout
