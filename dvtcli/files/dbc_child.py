@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import Any
 
-from dvtcli.files.bounded_process import die_of, limit
+from dvtcli.files.bounded_child import die_of, limit
 
 _STRING, _NUMBER, _NAME = r'"(?:\\"|[^"])*+"', r"[-+]?\d{1,15}(?:\.\d{0,15})?(?:[eE][-+]?\d{1,3})?", r"[A-Za-z_]\w*+"
 #: Where something may begin that need not be read, and what may have anything in it: a string, which goes to the end of

@@ -27,7 +27,7 @@ def test_recover_finishes_what_a_killed_process_began(bench: Bench, step: int) -
     assert journal.stat().st_mode & 0o777 == 0o600
     code, _, stderr = bench.run("recover", "--yes")
     assert code == 0, stderr
-    assert stderr.count("was interrupted") == 1
+    assert "was interrupted" not in stderr, "nobody who recovers is asked to recover"
     assert bench.pdos() == before
     assert not bench.journals()
     assert bench.run("recover")[:2] == (0, "nothing to recover: no change of this node was interrupted\n")
@@ -60,7 +60,7 @@ def test_an_interrupted_change_is_reported_while_its_node_is_silent(bench: Bench
     for words in (("pdo", "tpdo1"), ("set", "tpdo2", "--timer", "7"), ("recover", "--yes"), ("nmt", "preop")):
         code, _, stderr = bench.run(*words)
         assert code == 5, stderr
-        assert stderr.count("was interrupted") == 1, stderr
+        assert stderr.count("was interrupted") == (words[0] != "recover"), stderr
 
 
 def test_a_journal_of_another_device_is_refused(bench: Bench) -> None:

@@ -24,7 +24,7 @@ from dvtcli.cli.dvt.tcl_wire import (
     receive,
     send,
 )
-from dvtcli.files.bounded_process import die_of, limit
+from dvtcli.files.bounded_child import die_of, limit
 
 
 def main() -> None:

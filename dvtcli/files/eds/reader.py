@@ -34,7 +34,6 @@ from dvtcli.files.eds.findings import (
     Findings,
 )
 from dvtcli.files.eds.ini import MOST_BYTES, IniText, IniValue, Values, section_values, split_sections, too_much
-from dvtcli.files.eds.modules import connected_modules, module_objects, modules_of, with_modules
 from dvtcli.files.eds.numbers import number_key, quoted, read_number, text_key
 from dvtcli.files.eds.sections import (
     EdsLayout,
@@ -381,23 +380,32 @@ def _parsed(data: bytes, source: str, modules: tuple[int, ...] | None) -> EdsFil
         raise InputFileError(f"{source} is {excess}", place=f"{source}:1", why="an EDS or DCF is some 100 kB")
     text = split_sections(data)
     layout = lay_out(text)
-    says_modules = bool(connected_modules(layout))
-    if modules is not None:
-        text = split_sections(with_modules(data, modules))
-        layout = lay_out(text)
+    says_modules = False
+    if modules is not None or layout.modules:
+        from dvtcli.files.eds.modules import connected_modules, with_modules  # few devices are modular
+
+        says_modules = bool(connected_modules(layout))
+        if modules is not None:
+            text = split_sections(with_modules(data, modules))
+            layout = lay_out(text)
     if not layout.recognised:
         raise _not_an_eds(data, source)
     findings = Findings()
     device = section_values(layout.device.get("deviceinfo", ()), findings)
     identity = _build(layout, _IDENTITY) if _IDENTITY in layout.objects else None
-    info = replace(read_device_info(device, layout, identity, findings), modules=modules_of(layout))
+    info = read_device_info(device, layout, identity, findings)
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
         index: partial(_build, layout, index) for index in layout.objects
     }
-    of_modules = module_objects(
-        layout, lambda index, sections: _of_sections(index, sections, Findings()), chosen=not says_modules
-    )
-    objects |= of_modules
+    of_modules: dict[int, Callable[[], OdObject]] = {}
+    if layout.modules:
+        from dvtcli.files.eds.modules import module_objects, modules_of
+
+        info = replace(info, modules=modules_of(layout))
+        of_modules = module_objects(
+            layout, lambda index, sections: _of_sections(index, sections, Findings()), chosen=not says_modules
+        )
+        objects |= of_modules
     objects |= _compact_pdos(device, set(objects), info.rpdo_count or 0, info.tpdo_count or 0, findings)
     spelled = partial(_text_of_names, layout, of_modules.keys())
     return EdsFile(ObjectDictionary(objects, info, source, spelled), text, layout, tuple(findings.found))

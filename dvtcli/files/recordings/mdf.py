@@ -18,7 +18,7 @@ from typing import Any
 import can
 
 from dvtcli.errors import UsageError
-from dvtcli.files.bounded_process import die_of, go_on, limit
+from dvtcli.files.bounded_child import die_of, go_on, limit
 from dvtcli.files.recordings.recording_format import NoFrameError, RecordingFormat
 from dvtcli.interpreter import how_to_install
 from dvtcli.version import DISTRIBUTION

@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.file_fits import add_eds
+from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout

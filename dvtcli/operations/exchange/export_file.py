@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.device.file_fits import add_eds, refuse_unlike_file
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.script_line import change_lines

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.described_node import Defaults, FileValues
-from dvtcli.device.file_fits import add_eds
 from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
+from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo

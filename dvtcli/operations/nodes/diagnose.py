@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import OTHER_STATE, private_folder, to_disk, unfinished, unusable
-from dvtcli.device.file_fits import add_eds
+from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError

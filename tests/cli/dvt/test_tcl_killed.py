@@ -191,7 +191,7 @@ def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
         "dvtcli.cli",
         "dvtcli.cli.dvt.tcl_wire",
         "dvtcli.files",
-        "dvtcli.files.bounded_process",
+        "dvtcli.files.bounded_child",
         "dvtcli.version",
     }
     assert {name for name in modules if name.split(".")[0] == "dvtcli"} == ours

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no 
 
 _LONGER = """
 from time import process_time
-from dvtcli.files.bounded_process import go_on, limit
+from dvtcli.files.bounded_child import go_on, limit
 limit(1 << 33)
 for _ in range({times}):
     go_on(1)
