@@ -13,7 +13,7 @@ from tests.house.laws.source_tree import SourceTree, dotted
 #: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
 MAY_EXIT = (
     "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_child.py",
-    "files/bounded_process.py", "files/dbc_child.py", "files/recordings/mdf.py",
+    "files/bounded_child.py", "files/dbc_child.py", "files/recordings/mdf.py",
     "cli/signals.py", "cli/screen/full_screen.py",
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on

@@ -25,7 +25,7 @@ MAY_PRINT = {
     "cli/prompt/line.py": "what the user sends on to a file or a program",
     "cli/commands/tour.py": "waits for Enter",
     "cli/commands/_pdo_edit.py": "the user's editor",
-    "files/bounded_process.py": "a pipe to its parent",
+    "files/bounded_child.py": "a pipe to its parent",
     "files/dbc_child.py": "a pipe to its parent",
     "files/recordings/mdf.py": "the same",
     "cli/signals.py": "what a signal is answered with, without waiting",
