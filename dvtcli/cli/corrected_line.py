@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +20,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.usage_errors import usage_error
 from dvtcli.cli.view.typed_hints import prompt_line
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.object_syntax import PDO_CAN_IDS, UnknownName
+from dvtcli.domain.object_syntax import PDO_CAN_IDS, AmbiguousName, UnknownName
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.user.options import START_ONLY
 
@@ -71,6 +73,8 @@ def with_correction(
         error.text = without_suggestion(error.text)  # the hint has it
     if line is None and error.hint is None and (near := _NEAR_COMMAND.search(error.text)):
         error.text, error.hint = without_suggestion(error.text), f"did you mean `{near[1]}`? `help {near[1]}` shows it"
+    if line is None and isinstance(error.__cause__, AmbiguousName):
+        error.hint = _choices(words, error.__cause__, session, in_file=in_file)
     if line is None and (said := _event_timer_hint(words, session)):
         error.hint = said
     if line is not None and in_file:
@@ -78,6 +82,18 @@ def with_correction(
     elif line is not None:
         error.hint = Hint(Action.CORRECT, {"words": tuple(line)}, "did you mean {}?")
     return error
+
+
+def _choices(words: Sequence[str], ambiguous: AmbiguousName, session: Conversation, *, in_file: bool) -> Hint | str:
+    """Offer the line with each object that the name means, at most three that can be read; else their numbers."""
+    word = re.compile(rf"((?:\d+:)?){re.escape(ambiguous.name)}((?:/\d+)?)")
+    lines = ([word.sub(rf"\g<1>{choice}\g<2>", one) if word.fullmatch(one) else one for one in words]
+             for choice in ambiguous.choices)  # fmt: skip
+    read = [line for line in lines if line != list(words) and _fault(line, session) is None][:3]
+    if in_file or not read:
+        return f"write {' or '.join(ambiguous.choices[:3])}"
+    first, *others = (Hint(Action.CORRECT, {"words": tuple(line)}, "{}") for line in read)
+    return reduce(lambda said, hint: said + replace(hint, why=" or {}"), others, first)
 
 
 def _event_timer_hint(words: Sequence[str], session: Conversation) -> str:
@@ -283,9 +299,10 @@ def _with_name(args: list[str], wrong: UsageError) -> Iterator[list[str]]:
     typed = next((word for word in args if repr(word) in str(unknown)), None)
     if typed is None:
         return
-    likeness = [SequenceMatcher(None, typed.lower(), name).ratio() for name in unknown.similar]
-    if likeness[0] >= _SAME_NAME and all(other <= likeness[0] - _APART for other in likeness[1:]):
-        yield [unknown.similar[0] if word == typed else word for word in args]
+    alike = {name: SequenceMatcher(None, typed.lower(), name).ratio() for name in unknown.similar}
+    nearest, *others = sorted(alike, key=lambda name: -alike[name])
+    if alike[nearest] >= _SAME_NAME and all(alike[other] <= alike[nearest] - _APART for other in others):
+        yield [nearest if word == typed else word for word in args]
 
 
 def _free(name: str) -> str:

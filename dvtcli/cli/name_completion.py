@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem, ShellComplete, add_completion
 
 from dvtcli.cli.global_options import taken
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.object_syntax import USUAL, parse_object
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.mapped_object import is_taken
@@ -276,11 +276,6 @@ def make_shells_safe() -> None:
 
 #: number of recent lines that count, and the length of a line that may
 _RECENT, _LONGEST = 100, 400
-#: what drives (CiA 402) and I/O modules (CiA 401) map first, in this order
-_USUAL: tuple[ObjectAddress, ...] = (
-    (0x6041, 0), (0x6040, 0), (0x606C, 0), (0x6064, 0), (0x60FF, 0), (0x607A, 0), (0x6077, 0), (0x6061, 0),
-    (0x6060, 0), (0x6000, 1), (0x6200, 1), (0x6401, 1), (0x6411, 1),
-)  # fmt: skip
 
 
 def preferred_objects(
@@ -292,7 +287,7 @@ def preferred_objects(
         for address in _named(line[:_LONGEST], profile.aliases):
             counts[address] = counts.get(address, 0) + 1
     own = sorted(counts, key=lambda address: -counts[address])
-    usual = (*_USUAL, *filter(None, map(parse_object, profile.aliases.values())))
+    usual = (*USUAL, *filter(None, map(parse_object, profile.aliases.values())))
     known = (address for address in (*own, *usual) if dictionary.entry(*address) is not None)
     return {address: place for place, address in enumerate(dict.fromkeys(known))}
 

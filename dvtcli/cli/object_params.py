@@ -12,6 +12,7 @@ from click.shell_completion import CompletionItem
 from dvtcli.cli.params import CanopenType, Listed
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_syntax import (
+    AmbiguousName,
     MappedObject,
     Skipped,
     UnknownName,
@@ -26,6 +27,7 @@ from dvtcli.operations.values.named_objects import entry_at, is_name, name_hint,
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.domain.pdo import Direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,8 @@ class EntryWord:
     """A mapping entry as typed."""
 
     text: str
+    #: of the PDO on the line
+    direction: Direction | None = None
 
     @property
     def notation_note(self) -> str | None:
@@ -59,7 +63,7 @@ class EntryWord:
 
     def resolve(self, node: NodeDescription) -> MappedObject | Skipped:
         """Return the object and its length, or the bits to skip. Raises UsageError for an unknown name."""
-        return entry_at(node, self.text)
+        return entry_at(node, self.text, self.direction)
 
 
 class ObjectParam(CanopenType):
@@ -73,11 +77,13 @@ class ObjectParam(CanopenType):
         if not self.entry:
             parse_object(text)
         session = ctx.find_root().obj if ctx is not None else None
+        chosen = ctx.params.get("pdo") if ctx is not None and self.entry else None
+        direction = getattr(getattr(chosen, "pdo", None), "direction", None)
         if session is not None and ctx is not None and not ctx.resilient_parsing:
-            self._check_name(text, session)
-        return EntryWord(text) if self.entry else ObjectWord(text)
+            self._check_name(text, session, direction)
+        return EntryWord(text, direction) if self.entry else ObjectWord(text)
 
-    def _check_name(self, text: str, session: Conversation) -> None:
+    def _check_name(self, text: str, session: Conversation, direction: Direction | None) -> None:
         resolve = resolve_entry if self.entry else resolve_object
         with suppress(ValueError):
             resolve(text, None)  # a number needs no dictionary: none is read for it
@@ -91,7 +97,10 @@ class ObjectParam(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
+            failure.direction = direction
             raise UsageError(str(failure), hint=name_hint(failure)) from failure
+        if isinstance(failure, AmbiguousName):
+            raise UsageError(str(failure)) from failure
         if failure is not None:
             raise failure
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.change_group import ChangeGroup, OrderedChange
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
@@ -26,8 +27,10 @@ class Node(Changeable):
 
     #: applied plans for `undo`, oldest first
     history: list[Plan] = field(default_factory=list)
-    #: node-IDs of this session's changes on all nodes, oldest first
-    change_order: list[int] = field(default_factory=list)
+    #: this session's changes on all nodes, oldest first
+    change_order: list[OrderedChange] = field(default_factory=list)
+    #: the current change group of the session
+    group: ChangeGroup = field(default_factory=ChangeGroup)
     #: label -> change of this line that the node keeps without a store
     saved_automatically: dict[str, Change] = field(default_factory=dict)
     #: boot-up messages seen when the first of them was read back
@@ -265,7 +268,7 @@ class Node(Changeable):
     def remember_for_undo(self, plan: Plan) -> None:
         """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
         self.history.append(plan)
-        self.change_order.append(self.node_id)
+        self.change_order.append(OrderedChange(self.node_id, self.group.id))
         if self.guard is not None:
             self.guard.remember(plan)
 
@@ -350,11 +353,12 @@ class Node(Changeable):
             restarted = False
         return stored if restarted and not pending.partly_stored else [*stored, *since]
 
-    def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
-        """Undo the last plan, or all plans, in one transaction."""
+    def undo(self, *, count: int = 1, force: bool = False, rolls_back: bool = False) -> Applied:
+        """Undo the newest *count* plans in one transaction."""
         from dvtcli.device.change.undo_plan import UndoRequest
 
-        asked = UndoRequest(self.history, everything=everything, force=force, own=True, rolls_back=rolls_back)
+        plans = self.history[-count:] if count > 1 else self.history
+        asked = UndoRequest(plans, everything=count > 1, force=force, own=True, rolls_back=rolls_back)
         applied, count = self.undo_plans(asked)
         self.was_undone(applied, count)
         return applied
@@ -366,7 +370,7 @@ class Node(Changeable):
         self.history, self.undid_own = self.history[: len(self.history) - count], True
         for _ in range(count):
             del self.change_order[
-                max(number for number, node_id in enumerate(self.change_order) if node_id == self.node_id)
+                max(number for number, change in enumerate(self.change_order) if change.node_id == self.node_id)
             ]
         if self.guard is not None:
             self.guard.history.drop_own(count, applied.plan)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.pdo import MAX_PDO_BITS
+from dvtcli.domain.pdo import MAX_PDO_BITS, Direction
 
 _OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?:[:.](?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?|/(0{1,2}))?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
@@ -23,16 +23,41 @@ _BITS = re.compile(r"[0-9]{1,3}")
 
 
 class UnknownName(ValueError):
-    """A name unknown to all dictionaries; *find_similar* looks for close names."""
+    """A name unknown to all dictionaries; *find_similar* looks for close names.
 
-    def __init__(self, text: str, find_similar: Callable[[], Iterable[str]] = tuple) -> None:
+    *direction* is that of the PDO for which the name was typed, if known.
+    """
+
+    def __init__(self, text: str, find_similar: Callable[[Direction | None], Iterable[str]] = lambda _: ()) -> None:
         super().__init__(text)
         self._find_similar = find_similar
+        self.direction: Direction | None = None
 
     @cached_property
     def similar(self) -> tuple[str, ...]:
         """Close names, best first; looking for them takes milliseconds."""
-        return tuple(self._find_similar())
+        return tuple(self._find_similar(self.direction))
+
+
+class AmbiguousName(ValueError):
+    """A *name* of several objects; *choices* are their numbers, in the order of the dictionary."""
+
+    def __init__(self, name: str, found: Iterable[OdEntry], dictionary: ObjectDictionary) -> None:
+        entries = list(found)
+        self.name = name
+        self.choices = tuple(_number(entry, dictionary) for entry in entries)
+        own = {normalised(dictionary.display_name(entry.index, entry.sub_index)) for entry in entries}
+        write = "write the index" if len(own) < len(entries) else "write the name in full or the index"
+        which = ", ".join(self.choices[:_MOST_CHOICES]) + (", …" if len(entries) > _MOST_CHOICES else "")
+        super().__init__(f"{name!r} means {len(entries)} objects ({which}); {write}")
+
+
+def _number(entry: OdEntry, dictionary: ObjectDictionary) -> str:
+    return f"{entry.index:04X}" if len(dictionary[entry.index].entries) == 1 else entry.object
+
+
+#: how many objects with the same name a message lists
+_MOST_CHOICES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +139,7 @@ def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]
         raise UnknownName(f"no object is named {text!r} in {dictionary.source}", close)
     chosen = _only(found, dictionary, text)
     if chosen is None:
-        which = ", ".join(entry.object for entry in found[:6])
-        raise ValueError(
-            f"{text!r} means {len(found)} objects ({which}{', …' if len(found) > 6 else ''}); write the name in full "
-            f"or the index"
-        )
+        raise AmbiguousName(text, found, dictionary)
     return chosen.index, chosen.sub_index
 
 
@@ -135,18 +156,44 @@ def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEn
 _DIGITS = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})[:.]?(?:0x)?([0-9A-Fa-f]{2})(?:[:/]\d+)?")
 
 
-def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> list[str]:
-    """Names close to *text*, best first, at most three."""
-    from difflib import get_close_matches
-
-    own = (normalised(name) for entry in dictionary.entries() for name in (entry.name, entry.denotation))
-    names = [*aliases, *filter(None, own)]
+def similar(
+    text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str], direction: Direction | None = None
+) -> list[str]:
+    """Names close to *text*, best first, at most three; with *direction* first those that such a PDO is for."""
     wanted = normalised(text)
     digits = _DIGITS.fullmatch(text)
     if digits is not None:
         return [f"{digits[1]}:{digits[2]}".upper()]
+    entries = list(dictionary.entries())
+    own = [normalised(name) for entry in entries for name in (entry.name, entry.denotation)]
+    close = _close(wanted, [*aliases, *filter(None, own)])
+    if direction is None:
+        return close
+    suited = [entry for entry in entries if entry.pdo_mapping and _suits(entry, direction)]
+    usual = {address: place for place, address in enumerate(USUAL)}
+    suited.sort(key=lambda entry: usual.get((entry.index, entry.sub_index), len(usual)))
+    first = [name for entry in suited if len(wanted) > 2 and wanted in (name := normalised(entry.name))]
+    meant = {normalised(entry.name) for entry in suited}
+    return list(dict.fromkeys([*(name for name in close if name in meant), *first, *close]))[:3]
+
+
+def _close(wanted: str, names: Sequence[str]) -> list[str]:
+    from difflib import get_close_matches
+
     close = get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
     return close or list(dict.fromkeys(name for name in names if len(wanted) > 2 and wanted in name))[:3]
+
+
+def _suits(entry: OdEntry, direction: Direction) -> bool:
+    """Whether a TPDO sends what the device sets, an RPDO what it is given."""
+    return entry.access.writable is (direction is Direction.RPDO)
+
+
+#: what drives (CiA 402) and I/O modules (CiA 401) map first, in this order
+USUAL: tuple[tuple[int, int], ...] = (
+    (0x6041, 0), (0x6040, 0), (0x606C, 0), (0x6064, 0), (0x60FF, 0), (0x607A, 0), (0x6077, 0), (0x6061, 0),
+    (0x6060, 0), (0x6000, 1), (0x6200, 1), (0x6401, 1), (0x6411, 1),
+)  # fmt: skip
 
 
 def resolve_entry(

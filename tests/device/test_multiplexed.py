@@ -105,7 +105,7 @@ def test_one_that_was_found_is_put_back_with_its_entries(made: Callable[[int], B
     for place, data in ((COUNT, b"\0"), (FIRST, entry), (COUNT, bytes([count]))):
         bench.node.write(*place, data, force=True)
     assert (bench.device.value(*FIRST), bench.device.held() == before) == (entry, False)
-    bench.node.undo(everything=True)
+    bench.node.undo(count=3)
     assert bench.device.held() == before
 
 

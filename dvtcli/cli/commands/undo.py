@@ -39,6 +39,8 @@ class All(click.Choice[str]):
 def command(ctx: click.Context, /, word: str | None, everything: bool, backup: str | None) -> Changed | ChangedNodes:
     """Revert the last change, on any node; on a real bus also a change of an earlier process.
 
+    A change made on several nodes together, as by `apply`, is reverted on all of them; with -n on one node only.
+
     \b
     undo
     undo --all

@@ -54,6 +54,13 @@ class GroupMember(NamedTuple):
     equal: tuple[Storing, ...] = ()
 
 
+class OrderedChange(NamedTuple):
+    """A change of a session for `undo`: its node-ID, and the id of its change group (None: a change by itself)."""
+
+    node_id: int
+    group_id: str | None = None
+
+
 @dataclass(slots=True, eq=False, repr=False)
 class ChangeGroup:
     """The current change group, shared by all nodes of a session; without an id each change is separate."""

@@ -251,7 +251,7 @@ class ChangeGuard:
 
     def remember(self, plan: Plan) -> None:
         """Let a later `undo` revert *plan*, registered by `begin` and now verified."""
-        self.history.add(plan, self.own_journal.identity, self.own_journal.entry)
+        self.history.add(plan, self.own_journal.identity, self.own_journal.entry, self.group.id or "")
 
     def delete_journal(self, journal: Journal, back: Plan | None = None) -> None:
         """Remove *journal*, whose change was rolled back, from its folder and, if it is the same, from ours.

@@ -35,6 +35,7 @@ class ChangeHistoryEntry(NamedTuple):
     *selected* is the node-ID given to dvtcli, whichever node was changed; None for none. *stored* are the labels taken
     by a store, *maybe_stored* those possibly taken. *undoes* marks the roll-back of stored changes: no `undo` reverts
     it, and it records values not stored since. *number* counts the changes of the bus; 0 in earlier versions.
+    *group_id* is common to changes made together; empty for a change by itself, and in earlier versions.
     """
 
     id: str
@@ -47,6 +48,7 @@ class ChangeHistoryEntry(NamedTuple):
     undoes: bool = False
     number: int = 0
     maybe_stored: frozenset[str] = frozenset()
+    group_id: str = ""
 
     @property
     def order(self) -> tuple[int, str]:
@@ -80,6 +82,7 @@ def document(one: ChangeHistoryEntry) -> dict[str, Any]:
         "maybe_stored": sorted(one.maybe_stored),
         "undoes": one.undoes,
         "number": one.number,
+        "group": one.group_id,
         "changes": [change_document(change) for change in one.plan.changes],
     }
 
@@ -108,6 +111,7 @@ def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
             undoes=change.get("undoes") is True,
             number=read_number(change, "number", MOST_NUMBER) if "number" in change else 0,
             maybe_stored=frozenset(map(str, maybe_stored)),
+            group_id=str(change.get("group", "")),
         )
 
 
@@ -140,15 +144,15 @@ class ChangeHistory:
         """The file for the device of this *identity* at *node_id*, existing or not."""
         return self.folder / f"{file_name(self.bus)}-{_words(identity)}-node{node_id}.json"
 
-    def add(self, plan: Plan, identity: Identity, name: str = "") -> None:
-        """Record the verified *plan* with the id *name*, or a new id if empty.
+    def add(self, plan: Plan, identity: Identity, name: str = "", group_id: str = "") -> None:
+        """Record the verified *plan* with the id *name*, or a new id if empty; *group_id* as of the entry.
 
         A failure does not affect the change.
         """
         path = self.path(plan.node_id, identity)
         self._own.append(None)  # counted among the changes of this process, even if its file fails
         try:
-            entry = self._entry(plan, identity, name)
+            entry = self._entry(plan, identity, name)._replace(group_id=group_id)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
         except (OSError, SafetyRefusal) as failed:
             self.report(f"the change is done, but cannot be saved for a later undo: {_why(failed)}")

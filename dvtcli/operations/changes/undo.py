@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -41,6 +44,7 @@ T = TypeVar("T")
 def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNodes:
     """Undo the last change of this session, or with *everything* all of them, on every node.
 
+    A change made on several nodes together, as by `apply`, is undone on all of them, or on the node given by -n.
     If there is none, or all are undone, changes of earlier processes are undone: of the selected node with the changes
     made together with it, or of every node on the bus if none is selected. Several nodes are undone together, phase by
     phase, all or none, unless a node is expected to refuse its old value. Raises SafetyRefusal if a device holds
@@ -52,26 +56,47 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     if not order:
         remembered_devices = remembered(session, everything=everything)
         together = [undoing(session, remembered_device) for remembered_device in remembered_devices]
-        if everything and may_go_together(together):
+        if may_go_together(together):
             return ChangedNodes(undo_together(session, together))
+        entirely = everything or len(remembered_devices) > 1
         return _one_by_one(
             session,
             remembered_devices,
-            lambda remembered_device: undo_remembered_changes(session, remembered_device, everything=everything),
+            lambda remembered_device: undo_remembered_changes(session, remembered_device, everything=entirely),
         )
-    if not everything:
-        return _own_undone(session, order[-1], everything=False)
-    node_ids = list(dict.fromkeys(reversed(order)))
-    together = [_undoing(session, session.node(node_id)) for node_id in node_ids]
+    counts = Counter(change.node_id for change in reversed(order)) if everything else _last_counts(session)
+    given = _given_node(session)
+    if not everything and given is not None and given in counts and len(counts) > 1:
+        undone = _own_undone(session, given, 1)
+        others = all_nodes(sorted(counts.keys() - {given}))
+        why = f"the same change on {others} is not undone by this: another {{}} undoes it"
+        session.reporter.warning(Hint(Action.UNDO, why=why))
+        return undone
+    together = [_undoing(session, session.node(node_id), count) for node_id, count in counts.items()]
     if may_go_together(together):
         return ChangedNodes(undo_together(session, together))
-    return _one_by_one(session, node_ids, lambda node_id: _own_undone(session, node_id, everything=True))
+    return _one_by_one(session, counts, lambda node_id: _own_undone(session, node_id, counts[node_id]))
+
+
+def _last_counts(session: Session) -> Mapping[int, int]:
+    """Count the plans of this session's last change by node-ID: of its whole group if that is on several nodes."""
+    order, group_id = session.network.change_order, session.network.change_order[-1].group_id
+    if group_id not in (None, session.group.id):
+        ended = takewhile(lambda change: change.group_id == group_id, reversed(order))
+        if len(counts := Counter(change.node_id for change in ended)) > 1:
+            return counts
+    return {order[-1].node_id: 1}
+
+
+def _given_node(session: SessionNodes) -> int | None:
+    """Return the node-ID given by -n or `node ID`; None for none, several, or the first simulated node."""
+    return session.base.one_node if session.selected is None else session.selected
 
 
 def undo_on(session: SessionNodes, node_id: int, *, everything: bool = False) -> Changed:
     """Undo the last change of a single node, or with *everything* all; of this session, else as `undo`."""
-    if session.node(node_id).history:
-        return _own_undone(session, node_id, everything=everything)
+    if history := session.node(node_id).history:
+        return _own_undone(session, node_id, len(history) if everything else 1)
 
     return undo_remembered_changes(
         session, remembered_of(session, node_id, everything=everything), everything=everything
@@ -104,8 +129,8 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
 
-def _undoing(session: SessionNodes, node: Node) -> NodeUndo:
-    """Collect all changes of this session on *node* for an undo."""
+def _undoing(session: SessionNodes, node: Node, count: int) -> NodeUndo:
+    """Collect the newest *count* changes of this session on *node* for an undo."""
     from dvtcli.operations.changes.network_phases import NodeUndo
 
     def forget(applied: Applied, count: int) -> list[str] | None:
@@ -115,13 +140,14 @@ def _undoing(session: SessionNodes, node: Node) -> NodeUndo:
         forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, before[-count:])
         return [] if forgotten else None
 
-    return NodeUndo(node, tuple(node.history), True, forget)
+    return NodeUndo(node, tuple(node.history[-count:]), True, forget)
 
 
-def _own_undone(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
+def _own_undone(session: SessionNodes, node_id: int, count: int) -> Changed:
+    """Undo the newest *count* changes of this session on a node, or those left if a reset has undone more."""
     started, node = time.monotonic(), session.node(node_id)
     before = node.history[:]
-    applied = node.undo(everything=everything, force=session.options.force)
+    applied = node.undo(count=count, force=session.options.force)
     undone = before[len(node.history) :]
     as_before = not (applied.findings or applied.not_put_back)
     forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, undone)
@@ -159,9 +185,9 @@ class RememberedDevice:
 def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDevice]:
     """Find remembered changes of earlier processes to undo, latest device first.
 
-    Covers the selected node and the changes made from it, or all nodes on the bus if none is selected; *everything*
-    takes all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed
-    nothing.
+    Covers the selected node and the changes made from it, the nodes given by -n, or all nodes on the bus; *everything*
+    takes all these devices. Otherwise it is the last change, on all nodes if it was made on several together. Raises
+    UsageError if nothing is remembered, or if a command of this session changed nothing.
     """
     selected, change_files = session.selected_id(), session.open_network().change_files
     if change_files is None:
@@ -171,6 +197,8 @@ def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDev
     remembered_devices = _remembered_devices(session, change_files, selected, only_newest=not everything)
     if not remembered_devices:
         raise nothing_remembered(change_files, selected)
+    if selected is None and not everything:
+        remembered_devices = _with_group(session, change_files, remembered_devices[0])
     newer = () if selected is None else _newer_elsewhere(remembered_devices[0].guard.history, remembered_devices)
     return [replace(remembered_device, findings=newer) for remembered_device in remembered_devices]
 
@@ -219,19 +247,23 @@ def undo_remembered_changes(session: SessionNodes, remembered_device: Remembered
     )
     _forget(session, remembered_device, applied, count)
     if not everything:
-        _tell_of_others(session, remembered_device)
+        group_id = remembered_device.entries[-1].group_id
+        history = remembered_device.guard.history
+        parts = [entry for entry in history.tops(None) if group_id and entry.group_id == group_id]
+        if others := {entry.plan.node_id for entry in parts} - {node.node_id}:
+            why = f"the same change on {all_nodes(sorted(others))} is not undone by this: {{}} undoes it"
+            session.reporter.warning(Hint(Action.UNDO, {"node": tuple(sorted(others))}, why))
+        elif others := {entry.plan.node_id for entry in history.tops(session.selected_id())} - {node.node_id}:
+            why = f"the changes on {all_nodes(sorted(others))} are not undone by this: {{}} undoes them all"
+            session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
     applied = applied._replace(findings=(*applied.findings, *remembered_device.findings))
     return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _tell_of_others(session: SessionNodes, remembered_device: RememberedDevice) -> None:
-    """Report the chosen nodes that keep their changes: a single change is on a single node."""
-    tops = remembered_device.guard.history.tops(session.selected_id())
-    others = sorted({entry.plan.node_id for entry in tops} - {remembered_device.node.node_id})
+def _warn_of_left_out(session: SessionUser, others: Collection[int]) -> None:
+    """Warn of nodes with changes to undo that -n leaves out."""
     if others:
-        nodes = all_nodes(others)
-        why = f"the changes on {nodes} are not undone by this: {{}} undoes them all"
-        session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
+        session.reporter.warning(f"the changes on {all_nodes(sorted(others))} stay: -n leaves them out")
 
 
 def undoing(session: SessionUser, remembered_device: RememberedDevice) -> NodeUndo:
@@ -269,13 +301,55 @@ def _remembered_devices(
     """Find the chosen changes, the latest device first."""
     found: list[RememberedDevice] = []
     ids = dict.fromkeys(entry.plan.node_id for entry in change_files.history().tops(selected))
+    if given := session.base.nodes if selected is None else ():
+        if not only_newest:
+            _warn_of_left_out(session, ids.keys() - set(given))
+        ids = {node_id: None for node_id in ids if node_id in given}
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
-        remembered_device = _remembered_device(session, node_id, selected)
+        with _hinting_at_others(node_id, ids.keys() - {node_id}, everything=not only_newest):
+            remembered_device = _remembered_device(session, node_id, selected)
         if remembered_device is not None:
             found.append(remembered_device)
             if only_newest:
                 break
     return found
+
+
+def _with_group(session: SessionNodes, change_files: ChangeFiles, last: RememberedDevice) -> list[RememberedDevice]:
+    """Return *last* and the devices that still have changes of the same group, each with these changes only.
+
+    Returns *last* as it is if there is no other.
+    """
+    group_id = last.entries[-1].group_id
+    tops = change_files.history().tops(None) if group_id else []
+    ids = dict.fromkeys(entry.plan.node_id for entry in tops if entry.group_id == group_id)
+    if given := session.base.nodes:
+        _warn_of_left_out(session, ids.keys() - set(given))
+    devices = [last]
+    for node_id in ids:
+        if node_id != last.node.node_id and (not given or node_id in given):
+            with _hinting_at_others(node_id, ids.keys() - {node_id}, everything=False):
+                device = _remembered_device(session, node_id, None)
+            devices += [device] if device is not None and device.entries[-1].group_id == group_id else []
+    return devices if len(devices) == 1 else [_of_group(device, group_id) for device in devices]
+
+
+def _of_group(device: RememberedDevice, group_id: str) -> RememberedDevice:
+    entries = list(takewhile(lambda entry: entry.group_id == group_id, reversed(device.entries)))
+    return replace(device, entries=entries[::-1])
+
+
+@contextmanager
+def _hinting_at_others(node_id: int, others: Collection[int], *, everything: bool) -> Iterator[None]:
+    """If the node does not answer, add the hint that leaves it out: the undo of the *others*."""
+    try:
+        yield
+    except NoAnswer as silent:
+        if others:
+            chosen = {"node": tuple(sorted(others)), **({"all": True} if everything else {})}
+            hint = Hint(Action.UNDO, chosen, f"{{}} leaves node {node_id} out")
+            silent.hint = hint + silent.hint if silent.hint else hint
+        raise
 
 
 def _remembered_device(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:

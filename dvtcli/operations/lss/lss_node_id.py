@@ -207,7 +207,7 @@ def forget(session: SessionNodes, given: LssGiven) -> None:
             node.release_lock()
         network.files.forget(node_id)
         # changes are remembered by device, whatever its node-ID
-        network.change_order[:] = [known_id for known_id in network.change_order if known_id != node_id]
+        network.change_order[:] = [change for change in network.change_order if change.node_id != node_id]
 
 
 def lss_store(session: SessionNodes, node_id: int | None = None, *, prove: bool = False) -> LssChanged:

@@ -9,6 +9,7 @@ from time import monotonic, time
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.change.change_group import ChangeGroup, OrderedChange
 from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.known_pdos import ReadProgress
 from dvtcli.device.node import Node
@@ -32,7 +33,6 @@ from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Progress
-    from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.domain.nmt import NmtState
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -84,7 +84,7 @@ def network_on_bus(
         is_last_change=is_last_change, on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
         on_step=lambda progress: session.reporter.progress(*step_progress(progress)),
         warn=session.reporter.warning, note=session.reporter.note, comes_back=comes_back and not bus.simulated,
-        consent_anew=session.consent_anew,
+        consent_anew=session.consent_anew, group=group,
     )  # fmt: skip
 
 
@@ -110,8 +110,10 @@ class Network:
     #: lock, backup and journal of each node; None if the nodes end with this process, and for twins
     change_files: ChangeFiles | None = None
     nodes: dict[int, Node] = field(default_factory=dict)
-    #: node-IDs of this session's changes for undo, oldest first
-    change_order: list[int] = field(default_factory=list)
+    #: this session's changes for undo, oldest first
+    change_order: list[OrderedChange] = field(default_factory=list)
+    #: the current change group of the session
+    group: ChangeGroup = field(default_factory=ChangeGroup)
     #: a node's changes before it was met here: for a twin, those of its node
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs met elsewhere: for twins, on the bus itself
@@ -161,7 +163,7 @@ class Network:
             node = Node(
                 self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
                 lambda question: self.consent(question, node_id),
-                history=self.done_before(node_id), change_order=self.change_order, guard=guard,
+                history=self.done_before(node_id), change_order=self.change_order, group=self.group, guard=guard,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
                 is_last_change=lambda: self.is_last_change() and node_id not in self.simulated_ids,
                 unlike_file=self.files.unlike(node_id, dictionary),

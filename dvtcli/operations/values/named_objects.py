@@ -18,6 +18,7 @@ from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.domain.pdo import Direction
 
 T = TypeVar("T")
 
@@ -68,9 +69,12 @@ def refuse_whole(node: NodeDescription, text: str) -> None:
         )
 
 
-def entry_at(node: NodeDescription, text: str) -> MappedObject | Skipped:
-    """Parse a mapping entry into object and length, or skipped bits; raises UsageError for an unknown name."""
-    return _resolved(resolve_entry, text, node)
+def entry_at(node: NodeDescription, text: str, direction: Direction | None = None) -> MappedObject | Skipped:
+    """Parse a mapping entry of a PDO of *direction* into object and length, or skipped bits.
+
+    Raises UsageError for an unknown name.
+    """
+    return _resolved(resolve_entry, text, node, direction)
 
 
 def is_name(text: str) -> bool:
@@ -101,10 +105,11 @@ def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | No
     return None
 
 
-def _resolved(resolve: Callable[..., T], text: str, node: NodeDescription) -> T:
+def _resolved(resolve: Callable[..., T], text: str, node: NodeDescription, direction: Direction | None = None) -> T:
     try:
         return resolve(text, node.dictionary, node.profile.aliases)
     except UnknownName as unknown:
+        unknown.direction = direction
         raise UsageError(str(unknown), node=node.node_id, hint=name_hint(unknown)) from unknown
     except ValueError as wrong:
         raise UsageError(str(wrong), node=node.node_id) from wrong

@@ -142,6 +142,38 @@ def test_a_bracket_that_is_not_closed_is_shown_where_it_begins(tmp_path: Path) -
     assert "n.yaml:2:6: error: not YAML: a bracket or brace is not closed" in done.stderr + done.stdout
 
 
+def _two_names(folder: Path) -> str:
+    """An EDS in which two objects have one name."""
+    path = folder / "two.eds"
+    text = family_eds("generic").read_text("utf-8")
+    path.write_text(text.replace("ParameterName=Velocity demand value", "ParameterName=Statusword"), "utf-8")
+    return str(path)
+
+
+def test_a_name_of_two_objects_offers_lines_that_run(tmp_path: Path) -> None:
+    with Bench((_two_names(tmp_path),)) as bench:
+        for line, word in (
+            ("map tpdo1 {}", "statusword"),
+            ("map tpdo1 {}", "statusword/16"),
+            ("read {}", "statusword"),
+        ):
+            ran = bench.run(line.format(word))
+            ran.failed(2, "'statusword' means 2 objects (6041, 606B); write the index")
+            offered = re.findall("`([^`]+)`", ran.stderr)
+            lines = [line.format(word.replace("statusword", index)) for index in ("6041", "606B")]
+            assert [said.partition(".eds ")[2] for said in offered] == lines
+        assert bench.run("map tpdo1 6041").code == 0
+        assert bench.run("read 606B").code == 0
+
+
+@pytest.mark.parametrize(("pdo", "name"), [("tpdo1", "velocity_actual_value"), ("rpdo1", "target_velocity")])
+def test_an_unknown_name_is_taken_for_what_such_a_pdo_is_for(pdo: str, name: str) -> None:
+    with Bench(("generic",)) as bench:
+        ran = bench.run(f"map {pdo} velocity")
+        ran.failed(2, f"did you mean {name},")
+        assert bench.run(f"map {pdo} {name}").code == 0
+
+
 @pytest.mark.parametrize("line", ["set tpdo1 --timer 20", "map tpdo1 6041 --timer 20", "set tpdo1 --inhibit 30"])
 def test_an_event_timer_below_the_inhibit_time_is_noted_at_once(line: str) -> None:
     with Bench(("generic",)) as bench:
