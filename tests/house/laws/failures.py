@@ -63,6 +63,7 @@ INNER = {
     "simulator/device/memory.py:Refusal", "cli/dvt/tcl_calls.py:Exit", "cli/dvt/tcl_run.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/full_line.py:ThrownAway", "cli/prompt/full_line.py:Refused", "cli/view/streams.py:ReaderLeft",
+    "domain/object_syntax.py:AmbiguousName",
     "domain/object_syntax.py:UnknownName",
 }  # fmt: skip
 _ENDS = frozenset(
