@@ -86,8 +86,9 @@ def with_correction(
 
 def _choices(words: Sequence[str], ambiguous: AmbiguousName, session: Conversation, *, in_file: bool) -> Hint | str:
     """Offer the line with each object that the name means, at most three that can be read; else their numbers."""
-    word = re.compile(rf"((?:\d+:)?){re.escape(ambiguous.name)}((?:/\d+)?)")
-    lines = ([word.sub(rf"\g<1>{choice}\g<2>", one) if word.fullmatch(one) else one for one in words]
+    spelled = re.compile(rf"(\d+:)?{re.escape(ambiguous.name)}(/\d+)?")
+    places = [(word, spelled.fullmatch(word)) for word in words]
+    lines = ([f"{name[1] or ''}{choice}{name[2] or ''}" if name else word for word, name in places]
              for choice in ambiguous.choices)  # fmt: skip
     read = [line for line in lines if line != list(words) and _fault(line, session) is None][:3]
     if in_file or not read:

@@ -132,7 +132,7 @@ def test_the_node_may_be_left_out_before_a_word() -> None:
         ("sdo_rnx 1 0x1018", "Missing argument"),
         ("sdo_rnx 200 0x1018 1", "1…127"),
         ("fpo 1 start", "pre or op"),
-        ("sdo_wnxx 1 2 3", "did you mean 'sdo_wnx'"),
+        ("sdo_wnxx 1 2 3", "did you mean `sdo_wnx`"),
         ("SDO_RNX 1 0x1018 1", "did you mean `sdo_rnx 1 0x1018 1`?"),
     ],
 )

@@ -221,7 +221,7 @@ def test_rubbish_is_said_and_disturbs_nobody(gen4: Served) -> None:
     assert gen4.dvtcli("-n", "1", "read", "1018:1").stdout.startswith(f"{VENDOR}30 ")
     gen4.end()
     assert "warning: dropped client 127.0.0.1:" in gen4.complaints
-    assert "no socketcand request" in gen4.complaints
+    assert "is not a socketcand request" in gen4.complaints
 
 
 def test_a_port_that_is_taken(gen4: Served) -> None:
