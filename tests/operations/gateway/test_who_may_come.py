@@ -85,10 +85,14 @@ def test_json_says_on_stderr_who_came_and_what_was_written(tmp_path: Path) -> No
     path = tmp_path / "g.sock"
     words = ["--sim", "generic@4", "--json", "gateway", "--listen", f"unix:{path}", "--allow-changes"]
     process = start(words, env=environment())
-    wait_for(lambda: path.exists() or process.poll() is not None, "the gateway")
     with socket.socket(socket.AF_UNIX) as link:
         link.settimeout(PATIENCE_S)
-        link.connect(str(path))
+
+        def listens() -> bool:
+            """Its socket has a name before it listens."""
+            return link.connect_ex(str(path)) == 0 or process.poll() is not None
+
+        wait_for(listens, "the gateway")
         link.sendall(b"[1] 4 w 0x1017 0 u16 400\n")
         came = b""
         while b"[1] OK" not in came:
