@@ -35,7 +35,8 @@ def findings(draw: st.DrawFn) -> NetworkFinding:
     label = "" if pdo is None else pdo.upper()
     text = texts[number].format(node=node, label=label, can_id=0x180 + node, value=value, object=entry)
     severity = draw(st.sampled_from(["error", "warning", "note"]))
-    return NetworkFinding(line or 1, severity, f"{severity}-{kind}-{number}", entry, text, min(line, 1), 0, node, pdo)
+    rule, column = f"{severity}-{kind}-{number}", min(line, 1)
+    return NetworkFinding(line or 1, severity, rule, entry, text, column, node=node, pdo=pdo)
 
 
 def shown(found: list[NetworkFinding]) -> list[str]:
