@@ -263,7 +263,7 @@ def undo_remembered_changes(session: SessionNodes, remembered_device: Remembered
 def _warn_of_left_out(session: SessionUser, others: Collection[int]) -> None:
     """Warn of nodes with changes to undo that -n leaves out."""
     if others:
-        session.reporter.warning(f"the changes on {all_nodes(sorted(others))} stay: -n leaves them out")
+        session.reporter.warning(f"the changes on {all_nodes(sorted(others))} stay: other nodes are selected")
 
 
 def undoing(session: SessionUser, remembered_device: RememberedDevice) -> NodeUndo:

@@ -124,4 +124,4 @@ def test_a_node_that_is_gone_is_left_out_with_n(together: str, tmp_path: Path) -
             assert f"-n 1,5 undo{' --all' if words else ''}` leaves node 9 out" in silent.stderr.replace("\n", " ")
         undone = nodes.dvtcli(*quick, "-n", "1,5", "undo", "--all")
         assert undone.returncode == 0, undone.stderr
-        assert "the changes on node 9 stay: -n leaves them out" in undone.stderr
+        assert "the changes on node 9 stay: other nodes are selected" in undone.stderr
