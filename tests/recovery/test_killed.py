@@ -54,6 +54,7 @@ def test_until_then_nothing_is_written_or_stored(bench: Bench) -> None:
     assert (bench.pdos(), bench.wire.downloads) == (left, downloads)
 
 
+@pytest.mark.long
 def test_an_interrupted_change_is_reported_while_its_node_is_silent(bench: Bench) -> None:
     bench.killed(4, *MAP)
     bench.wire.device.restart()

@@ -14,7 +14,6 @@ from dvtcli.operations.pdos.edit_pdos import plan_edited
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.view.typed_hints import TypedHints
-    from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.exchange.edit_file import Edited
     from dvtcli.operations.results import Changed
 
@@ -26,25 +25,22 @@ def plan_dialog(
 
     Raises the errors of `plan_edited`.
     """
-    lines = [line for node_id in sorted(edited) for line in _of_node(session, node_id, edited[node_id], width, titles)]
+    lines: list[list[Cell]] = []
+    for node_id, pdos in sorted(edited.items()):
+        result = plan_edited(session, node_id, pdos.held, pdos.changed)
+        if titles is not None and len(titles) > 1:
+            lines.append([Cell(f"node {node_id} {titles[node_id]}", "bold")])
+        lines += _result_lines(session.output.hints, result, max(60, width), of_file=titles is not None)
+        lines += _stay_off(pdos)
     return TextDialog("PLAN", lines, "f5")
 
 
-def _of_node(
-    session: Conversation, node_id: int, edited: Edited, width: int, titles: Mapping[int, str] | None
-) -> Iterator[list[Cell]]:
-    result = plan_edited(session, node_id, edited.held, edited.changed)
-    if titles is not None and len(titles) > 1:
-        yield [Cell(f"node {node_id} {titles[node_id]}", "bold")]
-    yield from _result_lines(session.output.hints, result, max(60, width), of_file=titles is not None)
-    if off := _stay_off(edited):
+def _stay_off(edited: Edited) -> Iterator[list[Cell]]:
+    """Name the edited PDOs that were off and stay off."""
+    off = [pdo for pdo, config in edited.changed.items() if not (config.enabled or edited.held[pdo].enabled)]
+    if off:
         labels = join_some(pdo.label for pdo in off)
         yield [Cell(f"{labels} {'stays' if len(off) == 1 else 'stay'} off: e enables a PDO", "yellow")]
-
-
-def _stay_off(edited: Edited) -> list[Pdo]:
-    held = edited.held
-    return [pdo for pdo, config in edited.changed.items() if not (config.enabled or held[pdo].enabled)]
 
 
 def _result_lines(

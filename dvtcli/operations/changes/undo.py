@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -27,6 +27,7 @@ from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Applied
+    from dvtcli.device.change.change_group import OrderedChange
     from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.change_history import ChangeHistory, ChangeHistoryEntry
     from dvtcli.device.change.plan_document import Identity
@@ -64,7 +65,9 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
             remembered_devices,
             lambda remembered_device: undo_remembered_changes(session, remembered_device, everything=entirely),
         )
-    counts = Counter(change.node_id for change in reversed(order)) if everything else _last_counts(session)
+    counts = (
+        Counter(change.node_id for change in reversed(order)) if everything else _last_counts(order, session.group.id)
+    )
     given = _given_node(session)
     if not everything and given is not None and given in counts and len(counts) > 1:
         undone = _own_undone(session, given, 1)
@@ -78,10 +81,13 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     return _one_by_one(session, counts, lambda node_id: _own_undone(session, node_id, counts[node_id]))
 
 
-def _last_counts(session: Session) -> Mapping[int, int]:
-    """Count the plans of this session's last change by node-ID: of its whole group if that is on several nodes."""
-    order, group_id = session.network.change_order, session.network.change_order[-1].group_id
-    if group_id not in (None, session.group.id):
+def _last_counts(order: Sequence[OrderedChange], present: str | None) -> Mapping[int, int]:
+    """Count the plans of the last change in *order* by node-ID: of its whole group if that is on several nodes.
+
+    Of the group *present*, an atomic script that still runs, only the last plan is counted.
+    """
+    group_id = order[-1].group_id
+    if group_id not in (None, present):
         ended = takewhile(lambda change: change.group_id == group_id, reversed(order))
         if len(counts := Counter(change.node_id for change in ended)) > 1:
             return counts

@@ -92,6 +92,29 @@ class Judged:
         return {severity: counted[severity] for severity in SEVERITIES}
 
 
+class JudgedReports:
+    """The *reports* of several files, of a bus, or of several recordings."""
+
+    __slots__ = ()
+    reports: Sequence[NetworkReport] | Sequence[RecordingReport]
+
+    def __bool__(self) -> bool:
+        """Tell whether nothing is wrong."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """4 for an invalid file or a damaged recording, else 3 for faults on a bus or in one, else 2 for no file."""
+        return max((report.exit_code for report in self.reports), default=0)
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """The error for a nonzero exit code: it names the invalid reports, else those that cannot be read."""
+        unread = [report.path for report in self.reports if report.unread]
+        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
+        return ended_with(self.exit_code, wrong) if self.exit_code else None
+
+
 @dataclass(frozen=True, slots=True)
 class NetworkReport(Short, Judged):
     """The findings of *rules* for a file, or for a bus if *is_live*; *bus* is the bus that a file was compared with.
@@ -207,7 +230,7 @@ class FileReport(Judged, Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class NetworksChecked(Answer):
+class NetworksChecked(JudgedReports, Answer):
     """The result of `check`: a report for each file, and for the bus."""
 
     renderer: ClassVar = "check_lines:network_check_lines"
@@ -215,20 +238,6 @@ class NetworksChecked(Answer):
     use_pager: ClassVar = True
 
     reports: tuple[NetworkReport, ...]
-
-    def __bool__(self) -> bool:
-        """Tell whether nothing is wrong."""
-        return self.exit_code == 0
-
-    @property
-    def exit_code(self) -> int:
-        """4 for an invalid file, else 3 for faulty nodes on a bus, else 2 for a missing file."""
-        return max((report.exit_code for report in self.reports), default=0)
-
-    @property
-    def failure_of_document(self) -> DvtcliError | None:
-        """The error for a nonzero exit code, for programs."""
-        return _failure_of(self.reports, self.exit_code)
 
     def document(self) -> Document:
         """`dvtcli.network-check/1`."""
@@ -312,7 +321,7 @@ class RecordingReport(Short, Judged):
 
 
 @dataclass(frozen=True, slots=True)
-class RecordingsChecked(Answer):
+class RecordingsChecked(JudgedReports, Answer):
     """The result of `check` for recordings: a report for each."""
 
     renderer: ClassVar = "check_lines:recording_lines"
@@ -321,30 +330,9 @@ class RecordingsChecked(Answer):
 
     reports: tuple[RecordingReport, ...]
 
-    def __bool__(self) -> bool:
-        """Tell whether nothing is wrong."""
-        return self.exit_code == 0
-
-    @property
-    def exit_code(self) -> int:
-        """4 for a damaged recording, else 3 for an error or a warning in one, else 2 for a missing file."""
-        return max((report.exit_code for report in self.reports), default=0)
-
-    @property
-    def failure_of_document(self) -> DvtcliError | None:
-        """The error for a nonzero exit code, for programs."""
-        return _failure_of(self.reports, self.exit_code)
-
     def document(self) -> Document:
         """`dvtcli.recording-check/1`."""
         return {"schema": "dvtcli.recording-check/1", "files": [report.fields() for report in self.reports]}
-
-
-def _failure_of(reports: Sequence[NetworkReport] | Sequence[RecordingReport], exit_code: int) -> DvtcliError | None:
-    """Make the error for a nonzero *exit_code*: it names the invalid *reports*, else those that cannot be read."""
-    unread = [report.path for report in reports if report.unread]
-    wrong = wrong_reports(reports) or f"{', '.join(unread)} cannot be read"
-    return ended_with(exit_code, wrong) if exit_code else None
 
 
 #: From bad to harmless.

@@ -140,7 +140,9 @@ def found(sdo: DirectSdo, write: ParameterWrite, *entries: PdoMappingEntry) -> l
         return Proposal(NODE, TPDO1, now, want, {}, GENERIC, dictionary("generic"))
 
     findings = parameter_findings(proposal, now, write, lambda: entries)
-    assert {finding.place for finding in findings if finding.rule != "mapped-twice"} <= {write.place}
+    twice = [finding.place for finding in findings if finding.rule == "mapped-twice"]
+    assert twice == [f"0x1A00:{at:02X}" for at, entry in enumerate(entries, 1) if entry in entries[: at - 1]]
+    assert {finding.place for finding in findings} - {*twice} <= {write.place}
     return [(finding.rule, finding.abort) for finding in findings if finding.severity.name == "ERROR"]
 
 

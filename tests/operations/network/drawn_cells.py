@@ -774,14 +774,20 @@ class Judge:
             written -= {
                 one["node"] for one in self.documents if one.get("proved") is False
             }  # its answer says what is so
-            for one in self.documents:  # all is set and read back, and the error is about the proof of a store
-                if one.get("schema") == "dvtcli.apply/1" and one.get("verified") is True:
-                    written -= {each["node"] for each in one["nodes"]}
-            return (
-                [f"exit code {code}, state {state}, but written: {sorted(written)}"]
-                if code in (1, 6) and written
-                else []
-            )
+            read_back = {
+                each["node"]
+                for one in self.documents
+                if one.get("schema") == "dvtcli.apply/1" and one.get("verified") is True
+                for each in one["nodes"]
+            }  # the answer says that they hold what is wanted, and the error is about the proof of a store
+            found = [
+                f"exit code {code}, verified, but {_at(place)} is {_hex(self.ran.after.get(place))}, not {_hex(data)}"
+                for place, data in sorted(self.wanted.items())
+                if place[0] in read_back and self.ran.after.get(place) != data and not self.record.looked(place, data)
+            ]
+            if code in (1, 6) and (written := written - read_back):
+                found.append(f"exit code {code}, state {state}, but written: {sorted(written)}")
+            return found
         return [
             f"exit code {code} {state}, but {_at(place)} is {_hex(self.ran.after.get(place))}, "
             f"before {_hex(self.world.before.get(place))}{' (written by us)' if self.record.wrote(place) else ''}"
