@@ -66,14 +66,17 @@ def _default(dictionary: ObjectDictionary, sub_index: int, node_id: int) -> int 
     return None if data is None else int.from_bytes(data, "little")
 
 
-def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
-    """Raise SafetyRefusal if *unlike* (from `unlike_file`) names a difference, except with *force*."""
+def refuse_unlike_file(node_id: int, unlike: str, *, force: bool, hint: Hint | None = None) -> None:
+    """Raise SafetyRefusal if *unlike* (from `unlike_file`) names a difference, except with *force*.
+
+    *hint* is what to do instead of forcing it; None: give this device's file.
+    """
     if unlike and not force:
         raise SafetyRefusal(
             f"the EDS is another device's: {unlike}",
             node=node_id,
             place="1018:01" if "vendor" in unlike else "1018:02",
-            hint=Hint(Action.GIVE_EDS, why="{} of this device; without an EDS fewer rules are checked")
+            hint=(hint or Hint(Action.GIVE_EDS, why="{} of this device; without an EDS fewer rules are checked"))
             + Hint(Action.FORCE, why="uses this file"),
         )
 

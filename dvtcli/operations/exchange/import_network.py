@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.described_node import Defaults, FileValues
+from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.device.unnamed_nodes import add_eds
@@ -18,7 +19,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import all_nodes, join_some, plural, some_nodes
-from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
 from dvtcli.files.file_info import is_read_out
 from dvtcli.files.input_file import read_input
@@ -406,7 +407,9 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
             if node_id in silent:
                 raise silent[node_id]
             node = session.node(node_id)
-            _refuse_file_of_another(session, node)
+            if file := session.base.eds:
+                hint = Hint(Action.ADD_EDS, {"file": file}, "{} describes the nodes of its identity only")
+                refuse_unlike_file(node_id, node.unlike_file, force=session.options.force, hint=hint)
             held = dict(node.known_pdos())
             found = exported_node(session, node, held, path)
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
@@ -425,18 +428,6 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
     if session.base.eds and len(kinds) > 1:
         who = all_nodes(node.node_id for node in described)
         notes.append(f"{Path(session.base.eds).name} describes {who}, whose identities (0x1018) differ")
-
-
-def _refuse_file_of_another(session: SessionNodes, node: Node) -> None:
-    """Raise SafetyRefusal if the file for all nodes is another device's than *node*, except with `force`."""
-    if session.base.eds and node.unlike_file and not session.options.force:
-        raise SafetyRefusal(
-            f"the EDS is another device's: {node.unlike_file}",
-            node=node.node_id,
-            place="1018",
-            hint=Hint(Action.ADD_EDS, {"file": session.base.eds}, "{} describes the nodes of its identity only")
-            + Hint(Action.FORCE, why="uses this file for every node"),
-        )
 
 
 def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:
