@@ -13,7 +13,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import alters
 from dvtcli.domain.text import all_nodes, join_some
-from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError, worst_of
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, Restarted, SafetyRefusal, UsageError, worst_of
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.waiting_journals import (
     newest_store_record,
@@ -28,6 +28,7 @@ from dvtcli.operations.results import Changed, ChangedNodes, Facts
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.recovery import Recovery
     from dvtcli.device.node import Node
@@ -63,16 +64,22 @@ def recover(
 
 @contextmanager
 def _reporting_itself(session: SessionNodes) -> Iterator[None]:
-    """Meet nodes without the report that `recover` is needed."""
+    """Report that changes are interrupted only if a node does not answer; otherwise `recover` reports its own."""
     files = session.open_network().change_files
     if files is None:
         yield
         return
-    files.reports_interrupted = False
+    withheld: list[ChangeGuard] = []
+    files.withheld = withheld
     try:
         yield
+    except NoAnswer:
+        for interrupted in dict.fromkeys(files.interrupted(guard.node_id, guard) for guard in withheld):
+            if interrupted:
+                session.reporter.note(interrupted)
+        raise
     finally:
-        files.reports_interrupted = True
+        files.withheld = None
 
 
 def _roll_back_all(session: Session, file: str | None, *, finish_stores: bool) -> Changed | ChangedNodes | Facts:

@@ -45,8 +45,8 @@ class ChangeFiles:
     group: ChangeGroup = field(default_factory=ChangeGroup)
     #: messages about interrupted changes, for those of several nodes only once
     _said: set[Hint | str] = field(default_factory=set)
-    #: whether to report interrupted changes of nodes that are met: `recover` reports its own
-    reports_interrupted: bool = True
+    #: nodes with an interrupted change that was not reported when they were met; None: each is reported at once
+    withheld: list[ChangeGuard] | None = None
 
     def guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         """Return lock, backup and journal of a node; reports an interrupted change, or missing files."""
@@ -58,9 +58,12 @@ class ChangeFiles:
             said = as_hint(f"{refused.text}; until that is corrected no node of this bus can be changed")
             self.report(said + refused.hint if refused.hint else said)
         interrupted, is_damaged = _interrupted(guard)
-        if interrupted and interrupted not in self._said and (self.reports_interrupted or is_damaged):
-            self._said.add(interrupted)
-            (self.warn if is_damaged else self.report)(interrupted)
+        if interrupted and interrupted not in self._said:
+            if self.withheld is not None and not is_damaged:
+                self.withheld.append(guard)
+            else:
+                self._said.add(interrupted)
+                (self.warn if is_damaged else self.report)(interrupted)
         if (program := self.programs().unfinished_text(node_id)) and guard.lock.is_free():
             self.warn(program)
         return guard
