@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dvtcli.device.change.two_slot_file import content_of
+from dvtcli.device.change.journal import content_of
 
 
 def journal_document(path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.two_slot_file import content_of, create_two_slot_file, replace_content
+from dvtcli.device.change.journal import content_of, create_two_slot_file, replace_content
 from tests.small_disk import empty, fill, on_small_disk
 
 _KEEP_SIZE_AND_PUNCH_HOLE, _PAGE = 3, 4096

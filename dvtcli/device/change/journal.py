@@ -1,7 +1,9 @@
 """The journal on disk during a change, to finish a killed change later.
 
 A journal is written and synced before the first write, with space for its later versions, and removed after the change
-is verified or rolled back.
+is verified or rolled back. Its file has two slots: new content replaces the older one, so that a kill or a full disk
+leaves one complete. Each slot is a line of fixed length: a checksum, a number that grows, and the content. The newest
+valid line counts.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import errno
 import json
 import os
 import re
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -26,8 +29,15 @@ from dvtcli.device.change.plan_document import (
     read_number,
     read_plan,
 )
-from dvtcli.device.change.private_file import file_name, remove, stranger, sync_folder, write_private
-from dvtcli.device.change.two_slot_file import HEAD_BYTES, content_of, create_two_slot_file, replace_content
+from dvtcli.device.change.private_file import (
+    file_name,
+    open_private,
+    remove,
+    stranger,
+    sync_folder,
+    to_disk,
+    write_private,
+)
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -35,6 +45,11 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 SCHEMA = "dvtcli.journal/1"
 #: A journal is no larger than what `MOST_CHANGES` fill; anything larger is something else.
 MOST_BYTES = 5_000_000
+#: A slot begins with a checksum (CRC-32) and its number, and a space behind each.
+_HEAD = re.compile(rb"([0-9a-f]{8}) ([0-9]{10}) ")
+HEAD_BYTES = 20
+#: The errors of a full disk.
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _MOST_FILE_BYTES = 2 * (MOST_BYTES + HEAD_BYTES + 1)
 #: What a journal's new name says of it: closed with what the device held, or set aside unused.
 ACCEPTED, DISCARDED = "accepted", "discarded"
@@ -294,3 +309,67 @@ def _store_document(one: Storing) -> dict[str, Any]:
         "identity": one.identity,
         "holds": [change_document(change) for change in one.holds],
     }
+
+
+def create_two_slot_file(path: Path, content: str, size: int) -> None:
+    """Write a new file of *content* (ASCII) with space for *size* bytes, synced to disk on return.
+
+    Raises OSError and SafetyRefusal like `write_private`; an existing file of the same name stays unchanged then.
+    """
+    size = max(size, len(content))
+    write_private(path, _line(content, 1, size) + " " * (size + HEAD_BYTES) + "\n", newline="\n")
+
+
+def replace_content(path: Path, content: str, room: int = 0) -> bool:
+    """Replace the content (ASCII) of the file at *path* without using more space; false if too little is reserved.
+
+    *room* is how many further bytes to reserve. Raises OSError if the disk refuses all the same, as a copy-on-write
+    file system may; the content stays unchanged then.
+    """
+    try:
+        descriptor = open_private(path, os.O_RDWR)
+    except FileNotFoundError:
+        return False
+    with os.fdopen(descriptor, "rb+", buffering=0) as file:
+        lines = file.read().splitlines(keepends=True)
+        is_ours = len(lines) == 2 and len(lines[0]) == len(lines[1])
+        size = len(lines[0]) - HEAD_BYTES - 1 if is_ours else -1
+        if len(content) + room > size:
+            return False
+        numbers = [_number(line) for line in lines]
+        file.seek(numbers.index(min(numbers)) * len(lines[0]))
+        try:
+            left = memoryview(_line(content, max(numbers) + 1, size).encode())
+            while left:
+                left = left[file.write(left) :]
+            to_disk(file.fileno())
+        except OSError as failed:
+            if failed.errno not in _FULL:
+                raise
+            why = f"{failed.strerror} for what has its space: this file system copies on write"
+            raise OSError(failed.errno, why, str(path)) from failed
+    return True
+
+
+def content_of(data: bytes) -> bytes:
+    """The content of a file with the bytes *data*; *data* unchanged if not in this format.
+
+    Raises ValueError if no line is valid.
+    """
+    if not _HEAD.match(data):
+        return data
+    newest = max(data.split(b"\n")[:2], key=_number)
+    if not _number(newest):
+        raise ValueError("it was not written to its end")
+    return newest[HEAD_BYTES:]
+
+
+def _line(content: str, number: int, size: int) -> str:
+    numbered = f"{number:010d} {content:{size}}"
+    return f"{zlib.crc32(numbered.encode()):08x} {numbered}\n"
+
+
+def _number(line: bytes) -> int:
+    """The number of a valid *line*, else 0."""
+    head, line = _HEAD.match(line), line.rstrip(b"\n")
+    return int(head[2]) if head and int(head[1], 16) == zlib.crc32(line[9:]) else 0
