@@ -11,8 +11,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.node import Node
 from dvtcli.device.store.canary import choose_canary
 from dvtcli.device.store.prove_restore import prove_restore, restart_and_read
-from dvtcli.device.store.prove_store import Restart, prepare_proof, prove_store
-from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.prove_store import Restart, Snapshot, prepare_proof, prove_store
 from dvtcli.device.store.store_parameters import RESTORE, STORE, StoreAnswer
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo

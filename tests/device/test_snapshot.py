@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.prove_store import Snapshot
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.device.test_apply_plan import HEARTBEAT, Bench
 from tests.laws.bench import NODE

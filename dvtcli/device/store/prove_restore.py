@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import Defaults
 from dvtcli.device.quirks import in_standard_order
-from dvtcli.device.store.prove_store import AGAIN, Restart, acknowledged, uncovered_group, unread_of
-from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.prove_store import AGAIN, Restart, Snapshot, acknowledged, uncovered_group, unread_of
 from dvtcli.device.store.store_parameters import StoreAnswer
 from dvtcli.device.target_config import ValueFormatter, value_in_hex
 from dvtcli.domain.hint import Action, Hint

@@ -11,8 +11,14 @@ from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.store.prove_restore import prove_restore, restart_and_read
-from dvtcli.device.store.prove_store import Restart, prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
-from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.prove_store import (
+    Restart,
+    Snapshot,
+    prepare_proof,
+    prove_store,
+    refuse_deaf_to_reset,
+    refuse_unprovable,
+)
 from dvtcli.device.store.store_parameters import RESTORE, STORE, chosen, write_signature
 from dvtcli.device.store.unstored import mark_stored, prepare_store, require_storable
 from dvtcli.domain.hint import Action, Hint
