@@ -164,7 +164,7 @@ class Node(Changeable):
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.change.applied import Applied, refuse
-        from dvtcli.device.change.apply_again import apply_with_retry
+        from dvtcli.device.change.apply_plan import apply_with_retry
         from dvtcli.device.change.expected_refusals import with_undo_findings
         from dvtcli.domain.text import join_some
 
