@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.each_node import Ending
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 class Effect(Enum):

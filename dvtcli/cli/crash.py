@@ -17,7 +17,7 @@ from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def bug_error(bug: BaseException, frames: Sequence[str], *, is_open: bool) -> Bug:

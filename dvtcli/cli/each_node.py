@@ -21,7 +21,7 @@ from dvtcli.errors import (
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.object_params import ObjectWord
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: makes the final error from all node-IDs and the outcomes (answers or errors) of nodes that ran
 Ending = Callable[[Sequence[int], Mapping[int, Any]], DvtcliError | None]

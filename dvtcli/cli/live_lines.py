@@ -23,7 +23,7 @@ from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.view.output import Output
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: Size of a pipe: if so much arrives at once, more follows within this time (s).

@@ -66,14 +66,14 @@ def rule_help(name: str) -> str | None:
 
 def _rules_of_changes() -> tuple[Rule, ...]:
     from dvtcli.device.access_level import RULES as LOGIN_RULES
-    from dvtcli.device.change import apply_again
+    from dvtcli.device.change import apply_plan
     from dvtcli.operations.changes import undo
     from dvtcli.operations.network.check_networks import rules_of_changes
     from dvtcli.operations.objects import write_object
     from dvtcli.operations.pdos import sync
     from dvtcli.operations.session import consent
 
-    others = (apply_again, undo, write_object, sync, consent)
+    others = (apply_plan, undo, write_object, sync, consent)
     return (*rules_of_changes(), *LOGIN_RULES, *(rule for file in others for rule in file.RULES))
 
 

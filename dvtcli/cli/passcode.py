@@ -15,7 +15,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.settings import File
 
 VARIABLE = "DVTCLI_PASSCODE"

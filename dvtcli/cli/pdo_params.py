@@ -17,7 +17,7 @@ from dvtcli.domain.object_syntax import (
 from dvtcli.domain.pdo import Direction, Pdo, transmission_type_text
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 #: The word of `pdo edit tpdo1`.

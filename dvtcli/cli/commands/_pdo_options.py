@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 F = TypeVar("F", bound=Callable[..., Any])

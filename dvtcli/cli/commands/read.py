@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Facts, RecordRead, ValueRead, ValuesRead, ValuesWatched
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 @click.command(

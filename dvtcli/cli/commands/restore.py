@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from dvtcli.errors import LeftChanged
     from dvtcli.operations.results import Stored
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import PdoRow
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.prompt.bus_watch import Notices
     from dvtcli.cli.prompt.status import Status
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: Exit code of a line that Ctrl-C ended; another signal (SIGTERM, SIGHUP) ends the prompt too, with its own code.
 INTERRUPTED = 130

@@ -1,4 +1,8 @@
-"""Apply a plan to a node: gate, lock, backup, journal, transaction, and the NMT state afterwards."""
+"""Apply a plan to a node: gate, lock, backup, journal, transaction, and the NMT state afterwards.
+
+If the device refuses the plan, it is applied again in another way: with the PDO disabled, or in PRE-OPERATIONAL. What a
+device type requires is learned, and done at once from then on.
+"""
 
 from __future__ import annotations
 

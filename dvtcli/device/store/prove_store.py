@@ -1,4 +1,7 @@
-"""Prove a store: compare the values after a reset with those before, and tell whether that proves anything."""
+"""Prove a store: compare the values after a reset with those before, and tell whether that proves anything.
+
+Compared are PDOs, and single objects that dvtcli wrote.
+"""
 
 from __future__ import annotations
 

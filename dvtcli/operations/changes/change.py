@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: "store parameters" (CiA 301, 7.5.2.13)
 _STORE = 0x1010

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

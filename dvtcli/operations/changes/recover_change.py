@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.recovery import Recovery
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.changes.network_phases import ExpectedAtStore
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

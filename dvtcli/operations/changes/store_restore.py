@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.store.store_parameters import StoreAnswer
     from dvtcli.device.target_config import ValueFormatter
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: How long a power cycle is waited for, in seconds.

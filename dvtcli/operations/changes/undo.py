@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.operations.changes.network_phases import NodeUndo
-    from dvtcli.operations.session.session import Rehearse, Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Rehearse, Session, SessionNodes
     from dvtcli.operations.user.change_files import ChangeFiles
     from dvtcli.operations.user.session_user import SessionUser
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import GroupMember
     from dvtcli.device.change.journal import Journal
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def newest_store_record(journals: Sequence[Journal]) -> GroupMember:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from dvtcli.device.read_whole import OnObject
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress, Range
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

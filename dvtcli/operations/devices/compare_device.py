@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_scalings import ObjectScalings
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
     from dvtcli.domain.scaling import Scaling
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: bit 31 of a COB-ID: the PDO does not exist

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.profile import ObjectAddress, Range
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import Reporter
 
 _COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.sim_state import Values
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: How long the bus is listened to for CAN-IDs in use, in seconds.

@@ -59,8 +59,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.operations.devices.held_device import HeldDevice
     from dvtcli.operations.results import NetworkApplied
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

@@ -27,8 +27,7 @@ from dvtcli.operations.values.object_values import planned_words
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-    from dvtcli.operations.session.session import Rehearse, Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Rehearse, Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 NodePdo = tuple[int | None, "Pdo"]

@@ -50,8 +50,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import NetworkFinding
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 _COMMENT = re.compile(r"(?:^|\s)#")

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.scaling import Scaling
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 _WHOLE = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)

@@ -40,8 +40,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, make_f
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.operations.devices.backup_device import WholeDevice
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile, VpdoGroup
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

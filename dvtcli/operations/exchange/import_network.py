@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.lint import LintRule
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.pdo import PdoCommunicationParameter
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
     from dvtcli.watch.known_node import KnownNode
     from dvtcli.watch.recording_checks.frame_problems import NodePdo

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import Facts, FrameSeen
     from dvtcli.operations.results.documents import Document
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
     from dvtcli.watch.table import Place, Track

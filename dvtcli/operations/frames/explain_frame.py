@@ -35,7 +35,7 @@ from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.watch.decoder import Address
 
 HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"

@@ -22,7 +22,7 @@ from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.frames import Traced
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import Reporter
     from dvtcli.watch.decoder import Address, Layout
 

@@ -19,8 +19,7 @@ from dvtcli.watch.statistics import Lateness
 if TYPE_CHECKING:
     from dvtcli.device.cancellation import Cancellation
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 #: how long is waited in one go (s): how long a Ctrl-C is not seen
 _TICK_S = 0.05

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.domain.sdo_frame import SdoValues
     from dvtcli.files.recordings.recording_format import RecordedFrame
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 

@@ -20,8 +20,7 @@ from dvtcli.watch.frame_reader import FrameReader
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.domain.sdo_frame import SdoValues
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: default interval between rounds (s)

@@ -20,8 +20,7 @@ from dvtcli.operations.session.steady_listener import SteadyListener
 if TYPE_CHECKING:
     from dvtcli.device.error_history import HistoryEntry
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 def watch_faults(

@@ -24,7 +24,7 @@ from dvtcli.watch.decoder import Layout, Signal, pdo_layouts
 
 if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Address
 

@@ -26,7 +26,7 @@ from dvtcli.domain.rules.can_id import restricted_use
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 _LONGEST = 8
 

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.gateway.line_client import GatewayReporter, LineClient
     from dvtcli.operations.nodes.command_nmt import BegunReset
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 #: heartbeat orders
 HEARTBEATS = ("enable heartbeat", "disable heartbeat")

@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.gateway_requests import Request
     from dvtcli.domain.ports import NodeEvent
     from dvtcli.operations.results.frames import GatewayEvent
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.simulator.network.hub_client import Client
 
 #: default port of a gateway

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.plan import Change
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def plan_as_lines(session: SessionNodes, plan: NetworkPlan, stores: Mapping[int, Sequence[str]] | None = None) -> str:

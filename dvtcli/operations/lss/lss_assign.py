@@ -27,7 +27,7 @@ from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import ExpectedIdentity, NodeConfig
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

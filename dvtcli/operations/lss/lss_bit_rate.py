@@ -22,8 +22,7 @@ from dvtcli.operations.session.consent import refuse_reset
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.errors import State
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

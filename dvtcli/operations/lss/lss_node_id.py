@@ -19,7 +19,7 @@ from dvtcli.operations.session.consent import consent_to_reset, refuse_other_mas
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: How long a node may take to boot up with its new node-ID (s).
 BOOT_UP_S = 3.0

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
     from dvtcli.domain.network.received_traffic import ReceivedTraffic
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
 LISTEN_S = 2.0

@@ -11,7 +11,7 @@ from dvtcli.watch.known_node import KnownNode
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: suffixes of network files
 NETWORK_SUFFIXES = (".yaml", ".yml")

@@ -54,8 +54,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.checks import NetworkFinding
     from dvtcli.operations.results.networks import FrameLoad
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_state import Identifier, NetworkState
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 _SLICE_S = 0.25
 _OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), range(0x381, 0x400),

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.worst_case_load import WorstCaseLoad
     from dvtcli.operations.results.networks import NetworkApplied
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 _GATEWAY_LINES = ".309"
 

@@ -18,8 +18,7 @@ from dvtcli.operations.results.networks import Measured, NetworkLoad
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.network.worst_case_load import WorstCaseLoad
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 #: Default bit rate of a bus, in bit/s; reported with the result.
 USUAL_BIT_RATE = 500_000

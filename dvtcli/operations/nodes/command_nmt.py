@@ -19,7 +19,7 @@ from dvtcli.operations.session.consent import consent_to_reset, consent_to_reset
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def command_nmt(session: SessionNodes, command: NmtCommand, node_id: int | None = None) -> Commanded:

@@ -19,7 +19,7 @@ from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

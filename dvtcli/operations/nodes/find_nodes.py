@@ -25,8 +25,7 @@ from dvtcli.operations.results.lss_nodes import BitRateFound, ReceivedAt
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 

@@ -11,7 +11,7 @@ from dvtcli.operations.results import LoggedIn
 
 if TYPE_CHECKING:
     from dvtcli.domain.profile import LoginPolicy
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def log_in(

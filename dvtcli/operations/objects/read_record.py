@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import ValueRead
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 _DOMAIN = BY_SHORT_NAME["domain"]
 #: maximum sub-index of a record (CiA 301, 7.4.1), and maximum entries of a PDO's mapping

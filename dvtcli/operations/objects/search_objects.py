@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.datatypes import Value
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 
 def search_objects(

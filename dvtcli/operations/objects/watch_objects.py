@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results.values import ValueRead
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: an object as typed, and its node

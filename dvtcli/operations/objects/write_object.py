@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results import Changed, Stored
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 RULES = (

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 #: PDOs with their configurations
 Configs = Mapping["Pdo", "PdoConfig"]

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.object_scalings import ObjectScalings
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 def list_pdos(session: SessionNodes, node_id: int | None = None, *, show_all: bool = False) -> PdoListing:

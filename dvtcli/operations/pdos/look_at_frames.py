@@ -11,7 +11,7 @@ from dvtcli.operations.pdos.sync import sync_frame
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: How long a frame is waited for, and how long a heartbeat that tells the node's state, in seconds.
 FRAME_TIMEOUT_S = 1.0

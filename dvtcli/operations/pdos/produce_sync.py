@@ -12,7 +12,7 @@ from dvtcli.operations.pdos.sync import DEFAULT, sync_frame
 from dvtcli.operations.results import Synced
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: How long frames are waited for after the last SYNC, in seconds.
 _LISTEN_S = 0.05

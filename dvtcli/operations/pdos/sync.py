@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import CanopenBus, SdoTransport
     from dvtcli.operations.results import SyncCheck, SyncSource
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: the default SYNC (CiA 301, 7.5.2.5)
 DEFAULT = Frame(0x080, b"")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 _NONE = "none"
 

@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 
 def apply_network(

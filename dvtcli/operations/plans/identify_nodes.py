@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_config import ExpectedIdentity, Mark, NetworkConfig, NodeConfig
     from dvtcli.domain.rules.finding import FileComplaint
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.cob_id import CobId
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 OnPlan = Callable[["NetworkPlan"], None]
 

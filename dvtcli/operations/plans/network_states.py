@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.ports import SdoReader
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import SessionNodes
 
 #: Objects besides PDOs that a load depends on: index, sub-index, length in bytes.
 TIMING = (

@@ -66,8 +66,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.store import Stamp
     from dvtcli.operations.pdos.sync import ShortFrames
     from dvtcli.operations.plans.judge_network import Placed
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 RULES = (
     Rule("mapped-but-off", WARNING, "a network file gives a mapping or a timer to a PDO that is off and stays off",

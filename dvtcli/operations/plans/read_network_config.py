@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import FileWord, LinkConfig, NetworkConfig, NodeConfig, PartialPdoConfig
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules.finding import Finding
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 #: dcfgen's name for the folder of the network file itself

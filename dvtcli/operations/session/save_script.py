@@ -20,8 +20,7 @@ from dvtcli.operations.session.whole_file import reader_of, write_whole
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
     from dvtcli.operations.session.whole_file import ReadBack
     from dvtcli.operations.user.session_user import SessionUser
 

@@ -1,6 +1,7 @@
-"""A session: the open bus, the selected node, and all changes so far.
+"""A session: the open bus, the selected node, and all changes so far; and the part of it that operations on nodes need.
 
-Messages go to a `Reporter`.
+Messages go to a `Reporter`. An operation that takes a part cannot open, close or reconfigure the session: mypy refuses
+it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import DvtcliError, NoAnswer, UsageError
 from dvtcli.operations.session.opened import Opened
+from dvtcli.operations.user.session_user import SessionUser
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
     from dvtcli.device.target_config import TargetConfig
-    from dvtcli.operations.session.open_network import OpenBus
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.session.open_network import Network, OpenBus
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.session_user import Reporter
 
@@ -221,3 +224,55 @@ class Session(Opened):
             left_behind = gate.abandon()
             if left_behind:
                 self.reporter.warning(left_behind)
+
+
+class SessionNodes(SessionUser, Protocol):
+    """The bus and the nodes of a session, as `Session` has them."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus was opened."""
+
+    @property
+    def wire(self) -> CanopenBus:
+        """The bus itself, also under --dry-run: to listen to, never to write to."""
+
+    @property
+    def bus(self) -> CanopenBus:
+        """The bus, or the twins' under --dry-run."""
+
+    @property
+    def network(self) -> Network:
+        """The bus with its nodes, or their twins under --dry-run; opened at first use."""
+
+    @property
+    def selected(self) -> int | None:
+        """The node-ID selected by `node ID`."""
+
+    @property
+    def record(self) -> Record:
+        """The successful changes as script lines."""
+
+    def open_network(self) -> Network:
+        """See `Opened.open_network`."""
+
+    def node(self, node_id: int | None = None) -> Node:
+        """See `Session.node`."""
+
+    def node_id(self) -> int:
+        """See `Session.node_id`."""
+
+    def selected_id(self) -> int | None:
+        """See `Session.selected_id`."""
+
+    def default_id(self) -> int:
+        """See `Session.default_id`."""
+
+    def known_ids(self) -> list[int]:
+        """See `Session.known_ids`."""
+
+    def seen_nodes(self) -> dict[int, Node]:
+        """See `Opened.seen_nodes`."""
+
+    def read_together(self, look: Callable[[], T]) -> T:
+        """See `Session.read_together`."""

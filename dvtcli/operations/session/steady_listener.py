@@ -19,8 +19,7 @@ from dvtcli.operations.session.open_network import OnBusEvent, gone
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session import Session
-    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.session import Session, SessionNodes
 
 #: maximum difference of two clocks read one after the other (s)
 _APART_S = 1.0
