@@ -12,9 +12,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from dvtcli.bus.turns import in_callers_thread
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import UsageError
 from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.calls import LOG, Calls, Message, Told
+from dvtcli.operations.api.canopen_access import TakingTurns
 from dvtcli.operations.api.checks import (
     call_back,
     flags,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 
     from dvtcli.bus.canopen_node import CanopenNetwork
     from dvtcli.device.change.applied import Progress
-    from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.results import Changed, FramesSent, NodeListing, Replayed, SyncCheck, Synced
 
@@ -488,36 +488,3 @@ def serve(
         finally:
             served.server.stop()
             thread.join()
-
-
-class TakingTurns:
-    """An SdoTransport of *node_id* for others: waits for our calls on the bus."""
-
-    def __init__(self, calls: Calls, node_id: int) -> None:
-        self._calls, self._node_id = calls, node_id
-
-    def upload(
-        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
-    ) -> bytes:
-        """Read an object."""
-        with self._calls.alone():
-            channel = self._calls.session.wire.sdo(self._node_id)
-            return channel.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
-
-    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object unchecked; raises SafetyRefusal if another dvtcli holds the node, UsageError in a dry run."""
-        with self._calls.alone():
-            session = self._calls.session
-            if session.dry_run:
-                raise UsageError("canopen writes to the device itself: not in a dry run")
-            node = session.node(self._node_id)
-            try:
-                node.begin_change()
-            except SafetyRefusal:
-                node.forget_restart()
-                raise
-            try:
-                session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)
-            finally:
-                node.forget()
-                node.release_lock()

@@ -45,7 +45,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
         "operations/gateway/gateway_work.py",
     ),
     "operations/gateway/gateway_pdos.py": ("operations/gateway/gateway_work.py",),
-    "operations/api/python_bus.py": ("operations/api/python_bus.py",),
+    "operations/api/canopen_access.py": ("operations/api/python_bus.py",),
 }
 #: what anybody may take from them, since it sends nothing: numbers, what was answered, and what only reads
 HARMLESS: dict[str, frozenset[str]] = {

@@ -45,7 +45,7 @@ MAY_SEND = {
     "operations/pdos/look_at_frames.py": "SYNC, and the return to STOPPED",
     "operations/nodes/command_nmt.py": "NMT commands",
     "operations/gateway/gateway_pdos.py": "the gateway's own TPDOs, under consent",
-    "operations/api/python_bus.py": "what canopen's user writes",
+    "operations/api/canopen_access.py": "what canopen's user writes",
 }
 
 
