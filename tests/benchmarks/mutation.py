@@ -8,8 +8,9 @@ mutant on them, the quickest first. What passes is printed, unless `mutation_exp
 nothing. Exits with 1 where anything is left to explain.
 
 A baseline is a file of mutants of domain and device with what became of each. Its mutants that the code still has are
-tried again, on tests that are quick, and others by lot in the place of those that are gone; then the file is written
-anew. Exits with 1 if a mutant survives that was noticed before.
+tried again, on tests of the rooms near them, on a lot of those of commands, operations and files, and on quick ones;
+others by lot stand in for those that are gone; then the file is written anew. Exits with 1 if a mutant survives that was
+noticed before.
 """
 
 from __future__ import annotations
@@ -47,10 +48,14 @@ WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/simulator/serve",
 )  # fmt: skip
-#: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
+#: of a baseline: how many mutants, of which files; tests of which the lot is taken, and of which the quick ones
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
+LOT = (
+    "--cases", "lot", "-m", "not long", "tests/cli/commands", "tests/operations", "tests/files", "tests/laws",
+)  # fmt: skip
 QUICK = (
-    "-m", "quick", *WIDE, "tests/files", "tests/operations", "tests/cli/dvt", "tests/cli/view",
+    "-m", "quick", "tests/simulator/test_twin.py", "tests/transcripts", "tests/scripts", "tests/recovery",
+    "tests/faults", "tests/simulator/serve", "tests/cli/dvt", "tests/cli/view",
 )  # fmt: skip
 
 
@@ -221,8 +226,8 @@ def _tried(open_ones: Sequence[Mutant], given: argparse.Namespace) -> list[Outco
         if not lines.exists():
             near = NEAR if given.baseline else (*NEAR, f"--ignore={LEARNING}")
             record(lines, given.modules, near if given.narrow or given.baseline else (*near, *WIDE))
-            if given.baseline is not None:
-                record(lines, given.modules, QUICK)
+            for more in (LOT, QUICK) if given.baseline is not None else ():
+                record(lines, given.modules, more)
         limits = Limits(given.in_place, given.in_file, given.once or given.baseline is not None, given.twice)
         shares = [open_ones[start :: given.jobs] for start in range(given.jobs)]
         done = as_completed([pool.submit(work, share, lines, limits) for share in shares if share])
