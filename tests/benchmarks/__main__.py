@@ -77,10 +77,12 @@ def main() -> None:
         return
     logging.disable(logging.CRITICAL)
     found: list[Figure] = []
-    for line in table(measured(options.names or list(FIGURES), options.rounds, found)):
-        print(line, flush=True)
-    if options.json:
-        options.json.write_text(as_json(found), "utf-8")
+    try:
+        for line in table(measured(options.names or list(FIGURES), options.rounds, found)):
+            print(line, flush=True)
+    finally:
+        if options.json:
+            options.json.write_text(as_json(found), "utf-8")
 
 
 if __name__ == "__main__":
