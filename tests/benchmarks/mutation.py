@@ -9,8 +9,8 @@ nothing. Exits with 1 where anything is left to explain.
 
 A baseline is a file of mutants of domain and device with what became of each. Its mutants that the code still has are
 tried again, on tests of the rooms near them, on a lot of those of commands, operations and files, and on quick ones;
-others by lot stand in for those that are gone; then the file is written anew. Exits with 1 if a mutant survives that was
-noticed before.
+others by lot stand in for those that are gone; then the file is written anew. Exits with 1 if a mutant survives that
+was noticed before.
 """
 
 from __future__ import annotations
