@@ -114,6 +114,14 @@ def _message(frame: Frame, number: int) -> can.Message:
     )  # fmt: skip
 
 
+def _compact(frame: Frame) -> str:
+    return f"{_id(frame)}#{f'R{frame.dlc}' if frame.remote else frame.data.hex().upper()}"
+
+
+def _quoted(text: str) -> str:
+    return "".join(f"> > {line}".rstrip() + "\n" for line in text.splitlines())
+
+
 def _python_can_screen(frames: Sequence[Frame]) -> str:
     said = io.StringIO()
     printer = can.Printer(said)
@@ -149,6 +157,10 @@ FORMS: dict[str, Callable[[Sequence[Frame]], str]] = {
     "candump -x": _each(lambda _, frame: f"  can0  RX - -{candump(frame)[5:]}"),
     "candump -c": _each(lambda _, frame: f"\x1b[34m{candump(frame)}\x1b[0m"),
     "candump -a": _each(lambda _, frame: candump(frame, behind="" if frame.remote else "   '.a.'")),
+    "frames such as 705#05": _each(lambda _, frame: _compact(frame)),
+    "quoted candump -L": _each(lambda number, frame: f"> ({_at(number):.6f}) can0 {_compact(frame)}"),
+    "candump in a block of code": lambda frames: f"```text\n{FORMS['candump'](frames)}```\n",
+    "candump -tz in a quoted block": lambda frames: _quoted(f"~~~\n\n{FORMS['candump -tz'](frames)}~~~\n"),
     "BUSMASTER": _each(_busmaster, _BUSMASTER),
     "SavvyCAN": _each(_savvy, _SAVVY),
     "PCAN-View": _each(_pcan),
@@ -160,6 +172,9 @@ FORMS: dict[str, Callable[[Sequence[Frame]], str]] = {
     "python-can's screen": _python_can_screen,
     "python-can's CSV": _python_can_csv,
 }  # fmt: skip
+_WITHOUT_TIMES = (
+    "candump", "candump -x", "candump -c", "candump -a", "frames such as 705#05", "candump in a block of code",
+)  # fmt: skip
 #: forms without remote frames
 _WITHOUT_REMOTE = ("SavvyCAN", "PCAN-View 1.0", "PCAN-View 1.0, lines")
 #: what dvtcli wrote itself
@@ -188,7 +203,7 @@ def test_every_form_gives_the_same_lines(form: str, name: str, tmp_path: Path) -
             writer.on_message_received(_message(frame, number))
     assert [line.partition("  ")[2] for line in decoded(path)] == [line.partition("  ")[2] for line in decoded(plain)]
     found = list(read_recording(path))
-    if form not in ("candump", "candump -x", "candump -c", "candump -a"):
+    if form not in _WITHOUT_TIMES:
         times = [frame.timestamp_s - found[0].timestamp_s for frame in found]
         assert times == pytest.approx([_at(number) - _at(0) for number in range(len(frames))], abs=1e-4)
 

@@ -45,8 +45,8 @@ def command(
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap, or a pasted log; - is standard input).
 
     PDOs are decoded by --dbc, by the mapping in --eds, else by the present mappings of the nodes, else by FILE's own
-    SDO transfers; other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other
-    services are explained. --json prints a dvtcli.frame/1 document per frame.
+    SDO transfers; other PDOs are named by the pre-defined connection set (`TPDO1?`) and stay bytes. NMT, SDO, EMCY and
+    other services are explained. --json prints a dvtcli.frame/1 document per frame.
 
     \b
     decode run.log

@@ -78,7 +78,7 @@ _LINES = (
     (re.compile(r";\$FILEVERSION=.*|;##+"), ".trc"),
 )
 #: what is read beside the formats with a suffix: see `pasted`
-_PRINTED = "text of candump, PCAN-View, BUSMASTER, SavvyCAN, python-can or dvtcli"
+_PRINTED = "text of candump, PCAN-View, BUSMASTER, SavvyCAN, python-can or dvtcli; frames such as 705#05"
 #: what a YAML file of a network is called here
 NETWORK_FILE = "a network file"
 #: what people mistake for a recording: beginnings of files, and of first lines
@@ -156,7 +156,7 @@ def _known() -> list[str]:
 
 def _by_content(head: bytes) -> RecordingFormat | str | None:
     """The format, the name of another one, or None if nothing is recognised."""
-    from dvtcli.files.recordings.pasted import PASTED, shown_text
+    from dvtcli.files.recordings.pasted import PASTED, is_fence, shown_text
 
     for beginning, suffix in _BEGINNINGS.items():
         if head.startswith(beginning):
@@ -166,8 +166,10 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
             return name
     text = head.decode(encoding_of(head), "replace")
     whole = text.splitlines() if len(head) < _MOST_BYTES else text.splitlines()[:-1]
-    lines = [line for line in map(shown_text, whole[:_MOST_LINES]) if line.strip()]
-    for pattern, suffix in _LINES:
+    begin = whole[:_MOST_LINES]
+    lines = [line for line in map(shown_text, begin) if line.strip() and not is_fence(line)]
+    is_quoted = next((line for line in begin if line.strip()), "").lstrip()[:1] in (">", "`", "~")
+    for pattern, suffix in _LINES if not is_quoted else ():  # the readers of these formats take no quotations
         if lines and pattern.fullmatch(lines[0].lstrip()[:_MOST_CHARACTERS]):
             return formats()[suffix]
     for format_ in PASTED:

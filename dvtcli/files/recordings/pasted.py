@@ -32,6 +32,8 @@ _FLAGS = re.I | re.ASCII
 _DATA = r"(?P<data>[0-9A-F]{2}(?: [0-9A-F]{2})*)?"
 #: colours and other escapes of a terminal
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+#: the marks of a quotation in a mail or a forum, and the lines around a block of code
+_QUOTED, _FENCE = re.compile(r"\s*(?:> ?)+"), re.compile(r"\s*(?:`{3,}|~{3,})\s*\w*")
 _DAY_S = 86_400
 #: maximum times (s) from line to line, and the maximum first one
 _LONGEST_DELTA_S, _LONGEST_FIRST_S = 1e6, 10
@@ -100,7 +102,7 @@ class PastedFormat(RecordingFormat):
                     raise LostLineError(source.line, text)
                 channels.add(frame.channel)
                 yield frame
-            elif found is None and not self.is_aside(text, channels):
+            elif found is None and not (is_fence(text) or self.is_aside(text, channels)):
                 raise LostLineError(source.line, text)
             elif found is None:
                 self.take_aside(text, times)
@@ -118,8 +120,15 @@ class PastedFormat(RecordingFormat):
 
 
 def shown_text(line: str) -> str:
-    """*line* without colours and the blanks at its end."""
-    return _ESCAPES.sub("", line).rstrip()
+    """*line* without colours, the marks of a quotation, and the blanks at its end."""
+    text = _ESCAPES.sub("", line).rstrip()
+    quoted = _QUOTED.match(text)
+    return text if quoted is None else text[quoted.end() :]
+
+
+def is_fence(text: str) -> bool:
+    """Whether *text* begins or ends a block of code, as forums and issue trackers have them."""
+    return _FENCE.fullmatch(text) is not None
 
 
 def _frame(
@@ -178,6 +187,28 @@ class CandumpScreen(PastedFormat):
         if found["error"]:
             return RecordedFrame(frame._replace(can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
         return RecordedFrame(frame, found["channel"], fd=length > 8)
+
+
+class CompactFrames(PastedFormat):
+    """Frames as `explain` and cansend take them, `705#05`, or as candump -L prints them, quoted or not."""
+
+    title = "frames such as 705#05"
+    line = re.compile(
+        r"\s*(?:\((?P<time>\d+\.\d+)\)\s+)?(?:(?P<channel>[^\s(#]+)\s+)?(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"
+        r"(?:R(?P<length>[0-8]?)|#[0-9A-F](?P<fd>(?:[0-9A-F]{2})*)|(?P<data>(?:[0-9A-F]{2}\.?)*))(?:\s+[RT])?", _FLAGS,
+    )  # fmt: skip
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line; a line without a time has that of the line before."""
+        digits, length = found["id"], found["length"]
+        data = bytes.fromhex((found["fd"] or found["data"] or "").replace(".", ""))
+        time_s = times.at(float(found["time"])) if found["time"] else times.last_s
+        can_id, is_error = int(digits, 16), int(digits, 16) > CAN_ID_MASK and digits[0] in "23"
+        frame = Frame(
+            can_id & CAN_ID_MASK if is_error else can_id, data, len(digits) > 3, length is not None, time_s,
+            int(length or 0),
+        )  # fmt: skip
+        return RecordedFrame(frame, found["channel"] or "", error=is_error, fd=found["fd"] is not None)
 
 
 def _is_clock(times: list[float]) -> bool:
@@ -415,5 +446,5 @@ class FrameDocuments(PastedFormat):
 #: in the order in which they are tried
 PASTED: tuple[PastedFormat, ...] = (
     Busmaster(), SavvyCan(), PythonCanCsv(), FrameDocuments(), PythonCanScreen(), TracedText(), DecodedText(),
-    CandumpDeltas(), CandumpScreen(), PcanView(),
+    CandumpDeltas(), CandumpScreen(), PcanView(), CompactFrames(),
 )  # fmt: skip
