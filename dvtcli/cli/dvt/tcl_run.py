@@ -132,7 +132,7 @@ class TclRun:
             error.state = "unknown"
             error.state_text = "unchanged since its last command"
             if not self._session.staying():  # else its lines are named
-                error.state_text += "; earlier changes of the script stay"
+                error.state_text += "; what its earlier commands did stays"
         return error
 
     def _endless(self, place: str) -> InputFileError:
@@ -157,7 +157,7 @@ class TclRun:
 
     def _hint(self, message: str) -> Hint | str | None:
         """What to do after the error *message*, and what remains of the script if it called dvtcli."""
-        said = [self._ended, "its earlier changes remain" if self._last is not None else ""]
+        said = [self._ended, "what its earlier commands did stays" if self._last is not None else ""]
         rest = "; ".join(filter(None, said))
         if file := file_as_command(message):
             runs = Hint(Action.RUN, {"file": file}, "{} runs a file")
