@@ -6,44 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from click.formatting import wrap_text
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.abort import abort_text, code_of
+from dvtcli.domain.abort_causes import USUAL_CAUSES
 from dvtcli.domain.lint import LintRule
 from dvtcli.domain.rules.finding import Rule
-
-#: The usual cause of each abort code of CiA 301, and what to do.
-USUAL_CAUSES = {
-    0x0503_0000: "a second SDO client, or lost frames: end the other master, try again",
-    0x0504_0000: "the device waited too long for the next frame: a full bus; try again",
-    0x0504_0001: "the device does not know this kind of transfer, or a second client uses the SDO channel",
-    0x0504_0002: "a fault of the device's block transfer",
-    0x0504_0003: "lost frames in a block transfer: try again",
-    0x0504_0004: "lost or altered data in a block transfer: try again",
-    0x0504_0005: "the device is short of memory: use fewer transfers at once, or reset it",
-    0x0601_0000: "the object is locked now: it needs another NMT state or a login, or this firmware lacks it",
-    0x0601_0001: "none: the object has no readable value",
-    0x0601_0002: "a fixed mapping or COB-ID, or the device needs a login first",
-    0x0602_0000: "wrong index (indices are hexadecimal here), or the EDS is of another revision",
-    0x0604_0041: "`objects --mappable tpdo` (or `rpdo`); check the direction and the length",
-    0x0604_0042: "more than 64 bits in the PDO, or more entries than the device allows",
-    0x0604_0043: "another parameter excludes this value: see the device's manual",
-    0x0604_0047: "the device's configuration contradicts itself: see its manual, or `restore`",
-    0x0606_0000: "often the EEPROM: try again, then suspect the device",
-    0x0607_0010: "the object's length differs from the EDS: `read` it, or use `--as u16`",
-    0x0607_0012: "the same: use a shorter type",
-    0x0607_0013: "the same: use a longer type",
-    0x0609_0011: "sub-indices are hexadecimal here; the array may be shorter in this firmware",
-    0x0609_0030: "out of range; at 0x1800:02 or 0x1A00 often a PDO that must be disabled first, which dvtcli does",
-    0x0609_0031: "above the object's upper limit: `objects` shows the limit in the EDS",
-    0x0609_0032: "below the object's lower limit",
-    0x0609_0036: "write the other limit first",
-    0x060A_0023: "the SDO channel is in use by another client",
-    0x0800_0000: "a wrong state of the device, or a missing login; the error history (`faults`) may have the cause",
-    0x0800_0020: "a wrong signature, or the device cannot store now",
-    0x0800_0021: "the device is operated locally: switch it to remote",
-    0x0800_0022: "the device needs PRE-OPERATIONAL (`nmt preop`), or the power stage off",
-    0x0800_0023: "the device is not configured, or in its boot loader",
-    0x0800_0024: "the value does not exist yet",
-}
 
 
 def abort_help(name: str) -> str | None:
@@ -52,7 +19,7 @@ def abort_help(name: str) -> str | None:
     if code is None:
         return None
     rules = ", ".join(rule.name for rule in _rules_of_changes() if code in rule.aborts)
-    lines = [f"0x{code:08X}: {abort_text(code)}", "", *_row("cause", USUAL_CAUSES[code])]
+    lines = [f"0x{code:08X}: {abort_text(code)}", "", *_row("cause", typed(USUAL_CAUSES[code]))]
     lines += _row("rules", f"checked before a write: {rules}; `help RULE` explains a rule") if rules else []
     lines += _row("source", "CiA 301, table 22")
     return "\n".join([*lines, "", "An error shows `why` if the device's profile gives the code another cause."])

@@ -10,8 +10,9 @@ import pytest
 
 from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
 from dvtcli.cli.commands.help import TOPICS, overview, topic
-from dvtcli.cli.look_up import USUAL_CAUSES
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.abort import abort_text, code_of
+from dvtcli.domain.abort_causes import USUAL_CAUSES
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 from dvtcli.files.device_lint import EVERY_RULE
 from dvtcli.operations.network.check_networks import FILE_RULES
@@ -96,7 +97,7 @@ def test_help_explains_every_abort_code_and_every_rule() -> None:
         for code, cause in USUAL_CAUSES.items():
             shown = [bench.run(f"help {name}").stdout for name in (f"0x{code:08X}", f"{code:08x}")]
             assert abort_text(code) in shown[0]
-            assert squeezed(cause) in squeezed(shown[0])
+            assert squeezed(typed(cause)) in squeezed(shown[0])
             assert shown[0] == shown[1]
         for rule in (*declared(), *FILE_RULES, *NETWORK_RULES, *RECORDING_RULES, UNREADABLE, *EVERY_RULE):
             ran = bench.run(f"help {rule.name}")

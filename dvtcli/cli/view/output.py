@@ -148,6 +148,10 @@ class Output:
         *readable*: always lines on stderr, for a stdout without documents. CI formats include the error too.
         """
         self.failed, self._node = error, error.node
+        if error.abort is not None:
+            from dvtcli.domain.abort_causes import add_usual_cause
+
+            add_usual_cause(error)
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document, error_lines
             from dvtcli.cli.view.lines import painted, with_hints

@@ -260,6 +260,11 @@ def errors_in_calls(*, others: bool = False) -> Iterator[None]:
 
 
 def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
+    if raised.abort is not None:
+        from dvtcli.domain.abort_causes import add_usual_cause
+
+        add_usual_cause(raised)
+
     def said(text: Hint | str) -> str:
         return _of_this_program(in_calls(text)) if others else in_calls(text)
 

@@ -6,8 +6,9 @@ import ast
 from collections.abc import Iterator
 from importlib import import_module
 
-from dvtcli.cli.look_up import USUAL_CAUSES
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.abort_causes import USUAL_CAUSES
 from tests.documentation.reference.markdown import cell, code
 from tests.documentation.reference.markdown import table as markdown_table
 from tests.documentation.reference.product import Rule
@@ -39,7 +40,7 @@ def table() -> Iterator[str]:
 
 def abort_codes() -> Iterator[str]:
     """Each SDO abort code with its meaning and its usual cause."""
-    rows = ((f"0x{code:08X}", cell(abort_text(code)), cell(cause)) for code, cause in USUAL_CAUSES.items())
+    rows = ((f"0x{code:08X}", cell(abort_text(code)), cell(typed(cause))) for code, cause in USUAL_CAUSES.items())
     return markdown_table(("code", "meaning", "usual cause, and what to do"), rows)
 
 

@@ -1,0 +1,70 @@
+"""The usual cause of each SDO abort code of CiA 301, and what to do. Loaded only after an error."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.errors import DvtcliError, RuleError
+
+#: The usual cause of each code of CiA 301, table 22, and what to do.
+USUAL_CAUSES: dict[int, Hint | str] = {
+    0x0503_0000: "usually a second SDO client, or lost frames: end the other master, then try again",
+    0x0504_0000: "usually a full bus: the device waited too long for the next frame; try again",
+    0x0504_0001: "usually the device lacks this kind of transfer, or a second client uses its SDO channel",
+    0x0504_0002: "usually a fault of the device's block transfer",
+    0x0504_0003: "usually frames lost in a block transfer: try again",
+    0x0504_0004: "usually data lost or changed in a block transfer: try again",
+    0x0504_0005: "the device is short of memory: use fewer transfers at once, or reset it",
+    0x0601_0000: "usually the object is locked: it needs another NMT state or a login, or this firmware lacks it",
+    0x0601_0001: "the object has no value that can be read",
+    0x0601_0002: "usually a fixed mapping or COB-ID, or the device needs a login first",
+    0x0602_0000: "usually a wrong index (in text it is hexadecimal), or the EDS is of another revision",
+    0x0604_0041: Hint(Action.SHOW_MAPPABLE, why="{} lists what can be mapped; check the direction and the length"),
+    0x0604_0042: "usually more than 64 bits in the PDO, or more entries than the device allows",
+    0x0604_0043: "another parameter excludes this value: see the device's manual",
+    0x0604_0047: Hint(Action.RESTORE, why="the device's configuration contradicts itself: see its manual, or {}"),
+    0x0606_0000: "often the EEPROM: try again, then suspect the device",
+    0x0607_0010: Hint(Action.READ, why="usually the object's length differs from the EDS: {} shows it"),
+    0x0607_0012: Hint(Action.READ, why="usually the object is shorter than in the EDS: {} shows its length"),
+    0x0607_0013: Hint(Action.READ, why="usually the object is longer than in the EDS: {} shows its length"),
+    0x0609_0011: "usually an array that is shorter in this firmware; in text, sub-indices are hexadecimal",
+    0x0609_0030: "usually out of range, or of a PDO that was not disabled first (dvtcli disables it)",
+    0x0609_0031: Hint(Action.FIND_OBJECTS, why="above the object's upper limit: {} shows the limits in the EDS"),
+    0x0609_0032: Hint(Action.FIND_OBJECTS, why="below the object's lower limit: {} shows the limits in the EDS"),
+    0x0609_0036: "write the other limit first",
+    0x060A_0023: "usually another client uses the SDO channel",
+    0x0800_0000: Hint(Action.SHOW_FAULTS, why="usually a wrong state, or a missing login: {} may show the cause"),
+    0x0800_0020: "usually a wrong signature, or the device cannot store now",
+    0x0800_0021: "the device is operated locally: switch it to remote",
+    0x0800_0022: Hint(
+        Action.ENTER_PRE_OPERATIONAL, why="usually it needs PRE-OPERATIONAL ({}), or its power stage off"
+    ),
+    0x0800_0023: "usually the device is not configured, or in its boot loader",
+    0x0800_0024: "the value does not exist yet",
+}
+_OBJECT = re.compile(r"(?:0x)?([0-9A-F]{4}):[0-9A-F]{2}")
+
+
+def usual_cause(code: int, place: str | None) -> Hint | None:
+    """Return what to do after abort *code* at *place* (an object, `1A00:03`); None for a code outside the standard."""
+    found = USUAL_CAUSES.get(code)
+    if found is None:
+        return None
+    hint, written = as_hint(found), _OBJECT.fullmatch(place or "")
+    if written is None:
+        return hint
+    index = int(written[1], 16)
+    if hint.action is Action.SHOW_MAPPABLE and 0x1600 <= index < 0x1C00:
+        return replace(hint, arguments={"direction": "tpdo" if index >= 0x1A00 else "rpdo"})
+    if hint.action in (Action.READ, Action.FIND_OBJECTS):
+        name = "object" if hint.action is Action.READ else "text"
+        return replace(hint, arguments={name: written[0].removeprefix("0x")})
+    return hint
+
+
+def add_usual_cause(error: DvtcliError) -> None:
+    """Give *error*, which ends a command, the usual cause of its abort code as the hint, if it has no better hint."""
+    if error.hint is None and error.abort is not None and not isinstance(error, RuleError):
+        error.hint = usual_cause(error.abort, error.place)
