@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from dvtcli.domain.lss_services import ANSWER_ID, LssAddress
+from dvtcli.domain.can_ids import LSS_RESPONSE_ID
+from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -33,7 +34,7 @@ class LossyBus(VirtualTimeBus):
         super().__init__(devices, simulated=False)
 
     def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
-        if frame.can_id != ANSWER_ID:
+        if frame.can_id != LSS_RESPONSE_ID:
             super()._to_us(frame, delay_s)
             return
         self._answers += 1

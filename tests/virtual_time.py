@@ -14,11 +14,11 @@ from threading import RLock
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.message_bus import SdoChannels
-from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Tap, Traffic, Wake, bus_closed
 from dvtcli.bus.sdo.client import SdoChannel
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox
 from dvtcli.bus.watched_bus import WatchedBus, act_of
+from dvtcli.domain.can_ids import EMCY_BASE, HEARTBEAT_BASE, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
@@ -194,7 +194,7 @@ class VirtualTimeBus(WatchedBus):
                         self._to_us(answer)
                     waiting.append((answer, node))
                 self._roster.looked_at(node)
-        if frame.can_id & ~0x7F != REQUEST_ID or frame.data[:1] != _UPLOAD:
+        if frame.can_id & ~0x7F != SDO_REQUEST_BASE or frame.data[:1] != _UPLOAD:
             self._poll_due()  # a new heartbeat time counts from now on; reading changes nothing
 
     def _poll_due(self) -> None:
@@ -238,19 +238,19 @@ class VirtualTimeBus(WatchedBus):
 
     def _hear(self, frame: Frame) -> None:
         self._traffic.received(frame)
-        if frame.can_id & ~0x7F == ANSWER_ID:
+        if frame.can_id & ~0x7F == SDO_RESPONSE_BASE:
             self._traffic.answered(frame)
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
         if frame.remote or frame.extended:
             return
-        if function == ANSWER_ID:
+        if function == SDO_RESPONSE_BASE:
             self._watch.answered(node_id)
             self._channels.receive(node_id, frame.can_id, frame.data, extended=False)
-        elif function == HEARTBEAT:
+        elif function == HEARTBEAT_BASE:
             self._watch.heartbeat(frame)
             if frame.data == b"\0":
                 self._channels.restarted(node_id)
-        elif function == EMERGENCY:
+        elif function == EMCY_BASE:
             self._watch.emergency(frame)
 
     def _channel(self, node_id: int) -> SdoChannel:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from heapq import heappop, heappush
 from math import inf
 
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -87,7 +87,7 @@ class WireTimedBus(VirtualTimeBus):
         node_id = frame.can_id & 0x7F
         waited_s = at_s - self._offered_s[frame.can_id].pop(0) - bits / self.wire_bitrate
         self.waited_s[frame.can_id] = max(waited_s, self.waited_s.get(frame.can_id, 0.0))
-        if frame.can_id & ~0x7F in (REQUEST_ID, ANSWER_ID):
+        if frame.can_id & ~0x7F in (SDO_REQUEST_BASE, SDO_RESPONSE_BASE):
             self.chains_s[node_id] = self.chains_s.get(node_id, 0.0) + bits / self.wire_bitrate
         if source is not None:
             self._hear(frame)
@@ -97,7 +97,7 @@ class WireTimedBus(VirtualTimeBus):
 
     def _is_received(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         for answer in node.handle(frame, at_s):
-            if answer.can_id & ~0x7F != ANSWER_ID:
+            if answer.can_id & ~0x7F != SDO_RESPONSE_BASE:
                 self._offer(node, answer, at_s)
                 continue
             self._order += 1

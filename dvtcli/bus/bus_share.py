@@ -10,7 +10,7 @@ from collections.abc import Callable
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.frame_bits import frame_bits, most_frame_bits
 from dvtcli.domain.ports import Frame
 
@@ -62,10 +62,10 @@ class WirePace:
         """Bits counted before for *frame*, or made superfluous by it; below 0: more follow."""
         function, node_id = (0 if frame.extended else frame.can_id & ~0x7F), frame.can_id & 0x7F
         owes = node_id in self._owed
-        if function == ANSWER_ID and owes and not sent:
+        if function == SDO_RESPONSE_BASE and owes and not sent:
             self._owed.remove(node_id)
             return _MOST_BITS
-        if function != REQUEST_ID or not sent or not frame.data or frame.data[0] == _ABORT:
+        if function != SDO_REQUEST_BASE or not sent or not frame.data or frame.data[0] == _ABORT:
             return 0
         self._owed.add(node_id)
         counted = _MOST_BITS if owes else 0  # an earlier request will not be answered any more
@@ -127,9 +127,9 @@ class BusShare:
     def count(self, frame: Frame, _sent: bool) -> None:
         """Count a passing frame (Tap); an SDO request counts for its answer, too."""
         function = 0 if frame.extended else frame.can_id & ~0x7F
-        if function == ANSWER_ID:
+        if function == SDO_RESPONSE_BASE:
             return
-        is_request = function == REQUEST_ID
+        is_request = function == SDO_REQUEST_BASE
         bits = EXCHANGE_BITS if is_request else frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
         self._frames.append((self._now_s(), bits))
         self._bits += bits

@@ -18,6 +18,7 @@ from canopen import SdoAbortedError, SdoCommunicationError, objectdictionary
 from canopen.sdo.client import SdoClient
 
 from dvtcli.bus.can_message import frame_of
+from dvtcli.domain.can_ids import NMT_ID
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry
 from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
@@ -25,7 +26,6 @@ from dvtcli.errors import BusUnavailable, DvtcliError, SdoAborted
 
 #: Interval in seconds at which the reading thread checks whether to end.
 _LISTEN_S = 0.1
-_NMT = 0x000
 
 
 class CanopenNetwork(canopen.Network):
@@ -82,7 +82,7 @@ class _Sender(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - python-can's interface
         """Send a frame; an NMT command is recorded as a command."""
         self._refuse()
-        if msg.arbitration_id == _NMT and not msg.is_extended_id and msg.dlc == 2:
+        if msg.arbitration_id == NMT_ID and not msg.is_extended_id and msg.dlc == 2:
             self._shared.send_nmt(NmtCommand(msg.data[0]), msg.data[1])
             return
         self._shared.send(frame_of(msg))

@@ -10,21 +10,26 @@ from time import monotonic
 from typing import Generic, TypeVar
 from weakref import WeakSet
 
-from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Receiver, Tap, Traffic, Wake
 from dvtcli.bus.sdo.client import SdoChannel, StrictSdoClient
 from dvtcli.bus.sdo.sdo_link import (
-    ANSWER_ID,
     DEFAULT_RETRIES,
     DEFAULT_TIMEOUT_S,
-    REQUEST_ID,
     RESTARTED,
     DroppedAnswers,
     Inbox,
     SdoLink,
     SdoSettings,
 )
-from dvtcli.bus.watched_bus import NMT_CAN_ID, WatchedBus, act_of
+from dvtcli.bus.watched_bus import WatchedBus, act_of
+from dvtcli.domain.can_ids import (
+    EMCY_BASE,
+    HEARTBEAT_BASE,
+    LSS_RESPONSE_ID,
+    NMT_ID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+)
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame, SdoTransport
@@ -97,9 +102,7 @@ class SdoChannels:
         return {node_id: channel.dropped for node_id, channel in dict(self._channels).items()}
 
 
-_SDO_IDS = (ANSWER_ID, REQUEST_ID)
-#: LSS slaves' answers (CiA 305), defined here to avoid the import of LSS in every command
-_LSS_ANSWER_ID = 0x7E4
+_SDO_IDS = (SDO_RESPONSE_BASE, SDO_REQUEST_BASE)
 
 #: number of nodes asked at once if nothing runs: enough to use the wire with servers that take 10 ms
 MOST_AT_ONCE = 64
@@ -317,14 +320,14 @@ class MessageBus(WatchedBus, Generic[M]):
         """Deliver data frame *message* to its receivers."""
         function, node_id = can_id & ~0x7F, can_id & 0x7F
         if function in _SDO_IDS:
-            if function == ANSWER_ID:
+            if function == SDO_RESPONSE_BASE:
                 self._traffic.answered(message)
                 self._watch.answered(node_id)
                 self._answered(node_id)
             elif not extended:
                 self._watch.request_of_another(self._frame_of(message))
             self._sdo_channels.receive(node_id, can_id, bytes(data), extended=extended)
-        elif can_id > EMERGENCY + 0x7F and function < ANSWER_ID:
+        elif can_id > EMCY_BASE + 0x7F and function < SDO_RESPONSE_BASE:
             self._pdo_s = monotonic()
         elif not extended:
             self._told(message, can_id, data)
@@ -332,16 +335,16 @@ class MessageBus(WatchedBus, Generic[M]):
     def _told(self, message: M, can_id: int, data: bytes | bytearray) -> None:
         """Process a message of a node, or of another master."""
         function = can_id & ~0x7F
-        if function == HEARTBEAT:
+        if function == HEARTBEAT_BASE:
             self._heartbeat(self._frame_of(message))
             if data == b"\0":
                 self._traffic.answered(message)
                 self._sdo_channels.restarted(can_id & 0x7F)
-        elif can_id == NMT_CAN_ID:
+        elif can_id == NMT_ID:
             self._received_command(bytes(data))
-        elif can_id == _LSS_ANSWER_ID:
+        elif can_id == LSS_RESPONSE_ID:
             self._traffic.answered(message)
-        elif function == EMERGENCY:
+        elif function == EMCY_BASE:
             self._traffic.answered(message)
             self._watch.emergency(self._frame_of(message))
 

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from time import monotonic
 
 from dvtcli.bus.sdo.sdo_link import DroppedAnswers
+from dvtcli.domain.can_ids import EMCY_BASE, HEARTBEAT_BASE
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent, ReceivedEmergency, StateChange
 
-HEARTBEAT = 0x700
 #: No node starts twice within this time, in seconds.
 TWICE_S = 1.0
-EMERGENCY = 0x080
 #: command specifiers that begin an SDO download: segmented or expedited, block
 _DOWNLOADS = (1, 6)
 #: maximum number of remembered error codes per node; the oldest are dropped first
@@ -23,7 +22,7 @@ _MOST_CODES = 256
 
 def read_emergency(frame: Frame) -> Emergency | None:
     """The emergency message in *frame*, also if shortened (CiA 301, 7.2.7.3.1); None for another frame."""
-    node_id = frame.can_id - EMERGENCY
+    node_id = frame.can_id - EMCY_BASE
     if frame.extended or frame.remote or not 2 <= len(frame.data) <= 8 or not 1 <= node_id <= 127:
         return None
     data = frame.data.ljust(8, b"\0")
@@ -60,7 +59,7 @@ class NodeWatch:
         After its boot-up message a node is in PRE-OPERATIONAL (CiA 301, 7.2.8.3.3); bit 7 is node guarding's toggle
         bit.
         """
-        node_id = frame.can_id - HEARTBEAT
+        node_id = frame.can_id - HEARTBEAT_BASE
         if len(frame.data) != 1 or not 1 <= node_id <= 127:
             return False
         try:

@@ -20,8 +20,8 @@ from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.kernel_links import kernel_link
 from dvtcli.bus.message_bus import MessageBus
 from dvtcli.bus.receiver import Tap, bus_closed
-from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
-from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.domain.can_ids import NMT_ID, SDO_REQUEST_BASE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame, SdoTransport
@@ -213,7 +213,7 @@ class CanBus(MessageBus[can.Message]):
 
     def send(self, frame: Frame) -> None:
         """Send a frame; answers are kept for a `receive` within the next second."""
-        if frame.can_id != NMT_CAN_ID or frame.data[:1] == bytes([NmtCommand.START]):  # no other command triggers PDOs
+        if frame.can_id != NMT_ID or frame.data[:1] == bytes([NmtCommand.START]):  # no other command triggers PDOs
             self._hear_all()
         super().send(frame)
 
@@ -308,7 +308,7 @@ class CanBus(MessageBus[can.Message]):
                 self._understand(message, message.arbitration_id, message.data, extended=extended)
 
     def _answered(self, node_id: int) -> None:
-        self.echoes.answered(REQUEST_ID + node_id)
+        self.echoes.answered(SDO_REQUEST_BASE + node_id)
 
 
 @cache

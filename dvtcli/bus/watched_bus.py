@@ -16,6 +16,7 @@ from dvtcli.bus.node_watch import NodeWatch, Oddities
 from dvtcli.bus.receiver import Tap
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.turns import Turns, one_by_one
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, NMT_ID
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Emergency, Frame, NodeEvent, ReceivedEmergency, SdoTransport
@@ -25,20 +26,15 @@ if TYPE_CHECKING:
     from dvtcli.bus.bus_share import PaceLimiter, ShareLimiter
 
 
-NMT_CAN_ID = 0x000
-#: an LSS master's requests (CiA 305), defined here to avoid the import of LSS in every command
-_LSS_REQUEST_ID = 0x7E5
-
-
 def act_of(frame: Frame) -> str | None:
     """Effect of *frame* on nodes in words, None if it only asks."""
     if frame.remote:
         return None
-    if frame.can_id == _LSS_REQUEST_ID:
+    if frame.can_id == LSS_REQUEST_ID:
         from dvtcli.domain.lss_services import CHANGES
 
         return CHANGES.get(frame.data[0]) if frame.data else None
-    if frame.can_id == NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
+    if frame.can_id == NMT_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
         return command_text(NmtCommand(frame.data[0]), frame.data[1])
     return f"frame {can_id_text(frame.can_id, extended=frame.extended)}"
 
@@ -411,7 +407,7 @@ class WatchedBus(ABC):
 
     def _command(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command, as a frame if frames are carried (CiA 301, 7.2.8.3.1)."""
-        self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
+        self.send(Frame(NMT_ID, bytes([command, node_id])))
 
     def _received_command(self, data: bytes) -> None:
         """Process another master's NMT command (a second dvtcli, for example): known states become invalid.

@@ -189,6 +189,7 @@ class Final(NamedTuple):
 
 def final_write(name: str, index: int | None) -> Final | None:
     """Return the part of *name* that no `undo` reverts if it writes *index*: a store or restore."""
-    from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES
+    from dvtcli.device.store.store_parameters import SIGNATURES
+    from dvtcli.domain.objects import RESTORE_PARAMETERS
 
-    return Final(f"{name} to 0x{index:04X}", index == RESTORE) if index in SIGNATURES else None
+    return Final(f"{name} to 0x{index:04X}", index == RESTORE_PARAMETERS) if index in SIGNATURES else None

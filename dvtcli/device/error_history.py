@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_pdos import ABSENT, read_number, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import ERROR_FIELD, ERROR_REGISTER
 from dvtcli.errors import DeviceRefused, DvtcliError, SdoAborted
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoTransport
     from dvtcli.domain.profile import FaultList
 
-ERROR_REGISTER, ERROR_HISTORY = 0x1001, 0x1003
 #: what a field of the history answers that holds no error, besides that it does not exist
 _EMPTY = ABSENT | {Abort.NO_DATA, 0x0800_0024}
 
@@ -35,13 +35,13 @@ def read_register(sdo: SdoTransport) -> int | None:
 
 def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
     """The error history (0x1003), newest first; None if the device has none."""
-    count = read_optional(sdo, ERROR_HISTORY, 0, 1)
+    count = read_optional(sdo, ERROR_FIELD, 0, 1)
     if count is None:
         return None
     entries = []
     for number in range(1, count + 1):
         try:
-            raw = read_number(sdo, ERROR_HISTORY, number, 4)
+            raw = read_number(sdo, ERROR_FIELD, number, 4)
         except SdoAborted as aborted:
             if aborted.code in _EMPTY:  # the count exceeds the entries
                 break
@@ -55,12 +55,12 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
 
     Raises DeviceRefused if the device has no history, SdoAborted if the device refuses, DvtcliError if entries remain.
     """
-    sdo, place = access.bus.sdo(access.node_id), f"{ERROR_HISTORY:04X}:00"
+    sdo, place = access.bus.sdo(access.node_id), f"{ERROR_FIELD:04X}:00"
     before = read_history(sdo)
     if before is None:
         raise _nothing_to_clear(access)
     try:
-        sdo.download(ERROR_HISTORY, 0, b"\0")
+        sdo.download(ERROR_FIELD, 0, b"\0")
     except SdoAborted as aborted:
         access.explain(aborted)
         raise
@@ -86,7 +86,7 @@ def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
     return DeviceRefused(
         f"node {access.node_id} has no error history to clear",
         node=access.node_id,
-        place=f"{ERROR_HISTORY:04X}:00",
+        place=f"{ERROR_FIELD:04X}:00",
         abort=int(Abort.NO_OBJECT),
         why="it has no 0x1003",
         hint=what,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import IDENTITY, STORE_PARAMETERS
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ def _shown(value: int | None) -> str:
     return "none" if value is None else f"0x{value:08X}"
 
 
-_IDENTITY, _STORE = 0x1018, 0x1010
 _PARTS = (("vendor", 1), ("product", 2))
 
 
@@ -61,7 +61,7 @@ def unlike_file(node_id: int, dictionary: ObjectDictionary, identity: tuple[int 
 
 
 def _default(dictionary: ObjectDictionary, sub_index: int, node_id: int) -> int | None:
-    entry = dictionary.entry(_IDENTITY, sub_index)
+    entry = dictionary.entry(IDENTITY, sub_index)
     data = None if entry is None else entry.initial(node_id)
     return None if data is None else int.from_bytes(data, "little")
 
@@ -83,8 +83,8 @@ def refuse_unlike_file(node_id: int, unlike: str, *, force: bool, hint: Hint | N
 
 def as_file_says(profile: DeviceProfile, dictionary: ObjectDictionary | None) -> DeviceProfile:
     """*profile*, corrected if it denies the device a store (0x1010) listed in its file."""
-    if dictionary is None or profile.store.sub_indices or _STORE not in dictionary:
+    if dictionary is None or profile.store.sub_indices or STORE_PARAMETERS not in dictionary:
         return profile
-    entries = dictionary[_STORE].entries
+    entries = dictionary[STORE_PARAMETERS].entries
     subs = tuple(sub for sub, entry in entries.items() if sub and entry.access.writable)
     return replace(profile, store=replace(profile.store, sub_indices=subs, instead="")) if subs else profile

@@ -14,21 +14,13 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.observe import RestartCounter, observed
 from dvtcli.device.quirks import in_standard_order
-from dvtcli.device.read_pdos import (
-    IDENTITY,
-    UNREADABLE,
-    WHATEVER,
-    ReadCache,
-    present_pdos,
-    read_cob_id,
-    read_optional,
-    read_pdo,
-)
+from dvtcli.device.read_pdos import UNREADABLE, WHATEVER, ReadCache, present_pdos, read_cob_id, read_optional, read_pdo
 from dvtcli.device.store.pending import BootSnapshot
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import CanopenBus, SdoReader, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile

@@ -12,6 +12,7 @@ from types import TracebackType
 
 from dvtcli.device.resets import SentReset
 from dvtcli.domain import lss_services as lss
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, LSS_RESPONSE_ID
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import NmtCommand
@@ -328,10 +329,11 @@ class LssMaster:
 
     def _send(self, service: int, data: bytes) -> None:
         self.requests += 1
-        self._bus.send(Frame(lss.REQUEST_ID, (bytes([service]) + data).ljust(8, b"\0")))
+        self._bus.send(Frame(LSS_REQUEST_ID, (bytes([service]) + data).ljust(8, b"\0")))
 
     def _note(self, frame: Frame, sent: bool) -> None:
-        if not sent and frame.can_id == lss.ANSWER_ID and len(frame.data) == 8 and not (frame.extended or frame.remote):
+        is_data = not (sent or frame.extended or frame.remote)
+        if is_data and frame.can_id == LSS_RESPONSE_ID and len(frame.data) == 8:
             self._received.append(frame.data)
 
 

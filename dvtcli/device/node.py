@@ -217,9 +217,9 @@ class Node(Changeable):
 
     def _with_stamp_ended(self, plan: Plan) -> Plan:
         """*plan*, preceded by the removal of our stamp if the stamp covers a changed object."""
-        from dvtcli.domain.plan import STAMP
+        from dvtcli.domain.objects import VERIFY_CONFIGURATION
 
-        if self.has_no_stamp or (self.dictionary is not None and STAMP not in self.dictionary):
+        if self.has_no_stamp or (self.dictionary is not None and VERIFY_CONFIGURATION not in self.dictionary):
             return plan
         from dvtcli.device.stamped import with_stamp_ended
 

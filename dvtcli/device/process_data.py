@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.objects import MANUFACTURER_AREA
 from dvtcli.domain.process_data import is_named_as_process_data, is_standard_command, may_be_commanded
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.profile import ObjectAddress
-
-_MAKERS = range(0x2000, 0x6000)
 
 
 def is_no_setting(node: ReadableNode, place: ObjectAddress) -> bool:
@@ -26,7 +25,7 @@ def is_no_setting(node: ReadableNode, place: ObjectAddress) -> bool:
     entry = dictionary.entry(*place) if dictionary else None
     if is_standard_command(place[0], entry):
         return True
-    if place[0] not in _MAKERS:
+    if place[0] not in MANUFACTURER_AREA:
         return False
     if dictionary is not None and entry is not None and may_be_commanded(entry):
         name = f"{entry.name} {dictionary.display_name(*place)}"

@@ -10,19 +10,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.programs import (
-    CLEAR,
-    FLASH_STATUS,
-    PROGRAM_CONTROL,
-    PROGRAM_DATA,
-    SOFTWARE_IDENTIFICATION,
-    START,
-    STOP,
-    FlashStatus,
-    Stage,
-)
+from dvtcli.device.programs import CLEAR, START, STOP, FlashStatus, Stage
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.objects import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
@@ -59,7 +50,7 @@ class ProgramDownload:
 
     def identification(self) -> int | None:
         """The program software identification; None if the device has no such object."""
-        return self._read(SOFTWARE_IDENTIFICATION)
+        return self._read(PROGRAM_IDENTIFICATION)
 
     def run(self, data: bytes, expected: int | None) -> None:
         """Load *data*, compare its identification with *expected* (None: any), start the program and see it run.
@@ -136,7 +127,7 @@ class ProgramDownload:
         if expected is not None and found != expected:
             raise DeviceRefused(
                 f"node {self.node_id} has other firmware than was sent", node=self.node_id,
-                place=f"{SOFTWARE_IDENTIFICATION:04X}:{self.number:02X}",
+                place=f"{PROGRAM_IDENTIFICATION:04X}:{self.number:02X}",
                 why=f"0x1F56 says {'nothing' if found is None else f'0x{found:08X}'}, expected is 0x{expected:08X}",
             )  # fmt: skip
 

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
 
-#: one sub-index per program, 1..254
-PROGRAM_DATA, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 #: commands to the program control; it reads back the last accepted command
 STOP, START, CLEAR = 0, 1, 3
 _FLASH_ERRORS = {

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 from dvtcli.device.other_producers import enabled_pdos, services_taken
 from dvtcli.device.proposal import proposal, readable_value
 from dvtcli.device.read_pdos import read_optional, service_ids_beside
-from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDOS, SYNC_BY_DEFAULT, is_channel_place
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SYNC_BY_DEFAULT, is_channel_place
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, SRDO_COMMUNICATION
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig, PdoMappingEntry, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.process_data import answers_with_state
-from dvtcli.domain.rules.can_id import COB_ID_OF, EMCY, SYNC, is_in_use, service_findings, service_taken_findings
+from dvtcli.domain.rules.can_id import COB_ID_OF, is_in_use, service_findings, service_taken_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
@@ -52,15 +53,15 @@ def taken_can_id_findings(node: ReadableNode, index: int, sub_index: int, data: 
     Services are SYNC, the time stamp, EMCY, further SDO channels and SRDOs. Reads present values of *node* and the
     other known nodes, so only for a single write: a plan is judged by its result.
     """
-    is_channel = is_channel_place(index, sub_index) and (index not in SRDOS or sub_index in SRDO_COB_IDS)
+    is_channel = is_channel_place(index, sub_index) and (index not in SRDO_COMMUNICATION or sub_index in SRDO_COB_IDS)
     raw = int.from_bytes(data, "little")
     if len(data) != 4 or not (is_channel or (index in COB_ID_OF and not sub_index)) or not is_in_use(index, raw):
         return
     # nodes share SYNC and the time stamp, and what is a server on one node is a client on another: EMCY is one node's
-    shared = None if index == EMCY else index
+    shared = None if index == COB_ID_EMCY else index
     taken = services_taken(node.neighbours(), without=shared)
     taken |= service_ids_beside(node.read_cache, node.node_id, node.dictionary, without=index)
-    if index != SYNC and "SYNC" not in taken.values():
+    if index != COB_ID_SYNC and "SYNC" not in taken.values():
         taken[SYNC_BY_DEFAULT] = "SYNC"
     for other in enabled_pdos((*node.neighbours(), node)):
         taken[other.cob_id.can_id, other.cob_id.extended] = f"that of {other.pdo.label} of node {other.node_id}"

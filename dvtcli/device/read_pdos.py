@@ -11,17 +11,21 @@ from typing import NamedTuple, Protocol
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import (
-    SDO_CHANNEL_INDICES,
-    SDO_CLIENTS,
-    SDO_SERVERS,
     SRDO_COB_IDS,
     SRDO_DIRECTION,
-    SRDOS,
     CobId,
     taken_by_services,
     taken_on_another,
 )
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import (
+    FURTHER_SDO_CHANNELS,
+    FURTHER_SDO_SERVERS,
+    IDENTITY,
+    MODULE_LIST,
+    SDO_CLIENTS,
+    SRDO_COMMUNICATION,
+)
 from dvtcli.domain.pdo import (
     MAX_ENTRIES,
     MAX_PDO_NUMBER,
@@ -46,7 +50,6 @@ UNREADABLE = ABSENT | {Abort.WRITE_ONLY, Abort.UNSUPPORTED_ACCESS}
 WHATEVER = range(1 << 32)
 #: Stands for the COB-ID of a PDO that has none: bit 31 set says that the PDO does not exist (CiA 301, 7.5.2.35).
 _NO_COB_ID = CobId(0, valid=False)
-IDENTITY, MODULE_LIST = 0x1018, 0x1027
 #: Without an EDS every PDO up to this number is asked for; beyond it the first gap ends the search.
 ALWAYS_PROBED = 4
 
@@ -135,13 +138,13 @@ def sdo_channel_places(sdo: SdoReader, dictionary: ObjectDictionary | None) -> I
 
     Source: CiA 301, 7.5.2.33 and 7.5.2.34.
     """
-    for channels in (SDO_SERVERS, SDO_CLIENTS):
+    for channels in (FURTHER_SDO_SERVERS, SDO_CLIENTS):
         if dictionary is None:
             indices: Iterable[int] = takewhile(partial(_has, sdo), channels)
         else:
             indices = dictionary.indices_among(channels)
         yield from ((index, sub_index) for index in indices for sub_index in (1, 2))
-    safety = () if dictionary is None else dictionary.indices_among(SRDOS)
+    safety = () if dictionary is None else dictionary.indices_among(SRDO_COMMUNICATION)
     yield from ((index, sub_index) for index in safety for sub_index in (SRDO_DIRECTION, *SRDO_COB_IDS))
 
 
@@ -185,7 +188,7 @@ def service_ids_beside(
         if index != without and (dictionary is None or index in dictionary):
             with suppress(SdoAborted, SdoProtocolError):
                 held[index] = read_optional(sdo, index, 0, 4)
-    of_any = without in SDO_CHANNEL_INDICES or without in SRDOS
+    of_any = without in FURTHER_SDO_CHANNELS or without in SRDO_COMMUNICATION
     channels = {} if of_any else sdo_channels(sdo, dictionary)
     return taken_on_another(node_id, held[0x1005], held[0x1014], channels, held[0x1012])
 

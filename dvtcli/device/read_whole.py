@@ -12,6 +12,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
+from dvtcli.domain.objects import DEVICE_TYPE, IDENTITY, PROGRAM_DATA
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 from dvtcli.errors import NoAnswer, SdoAborted
 
@@ -26,11 +27,11 @@ OnObject = Callable[[int, int, int, int, float | None], None]
 #: what all objects together may hold (bytes); beyond that the rest is left unread
 MOST_BYTES = 16 << 20
 _REFUSED_ON_SCAN = 0x02
-_DEVICE_TYPE = (0x1000, 0)
+_DEVICE_TYPE = (DEVICE_TYPE, 0)
 #: device type and identity: no value of a device that runs changes them
-_FIXED = (0x1000, 0x1018)
-#: program data (CiA 302-3), the operating system's channels, from which each upload takes something (CiA 301)
-_PROGRAM, _CHANNELS = 0x1F50, range(0x1023, 0x1027)
+_FIXED = (DEVICE_TYPE, IDENTITY)
+#: the operating system's channels, from which each upload takes something (CiA 301)
+_CHANNELS = range(0x1023, 0x1027)
 #: how long is waited before a second look: what a device measures anew, it does within that (s)
 PAUSE_S = 0.1
 #: a pace is known once this many objects were read
@@ -115,7 +116,7 @@ def _judged(entry: OdEntry, known: Configuration) -> ReadObject:
         why = Unread.FLAGGED
     elif known.why_not(entry) is NotWritten.PASSCODE:
         why = Unread.PASSCODE
-    elif entry.index == _PROGRAM and entry.sub_index:
+    elif entry.index == PROGRAM_DATA and entry.sub_index:
         why = Unread.PROGRAM
     elif entry.index in _CHANNELS:
         why = Unread.CHANNEL
@@ -182,7 +183,7 @@ def scan_objects(
     (`read_together` does). Raises NoAnswer if the node does not answer for missing objects.
     """
     scan = _Scan(node, known)
-    indices = [index for area in areas for index in area if index not in _CHANNELS and index != _PROGRAM]
+    indices = [index for area in areas for index in area if index not in _CHANNELS and index != PROGRAM_DATA]
     since_s = node.bus.now_s()
     for number, index in enumerate(indices):
         pace_s = (node.bus.now_s() - since_s) / number if number >= _PACE_FROM else None

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.objects import DEVICE_TYPE
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -18,7 +19,6 @@ BOOT_TIMEOUT_S = 10.0
 QUIET_S = 1.0
 #: How often it is asked then, and how long it has to answer, in seconds.
 _ASK_EVERY_S, _ANSWER_S = 0.5, 0.1
-_DEVICE_TYPE = 0x1000
 #: How often it is looked after whether waiting for a power cycle shall end, in seconds.
 _LOOK_S = 0.1
 #: How many questions in a row an unpowered node leaves without an answer, some two seconds: a lost frame is one only,
@@ -96,7 +96,7 @@ class SentReset:
 
 def _answers(bus: CanopenBus, node_id: int) -> bool:
     try:
-        bus.sdo(node_id).upload(_DEVICE_TYPE, 0, timeout_s=_ANSWER_S, retries=0)
+        bus.sdo(node_id).upload(DEVICE_TYPE, 0, timeout_s=_ANSWER_S, retries=0)
     except NoAnswer:
         return False
     except (SdoAborted, SdoProtocolError):

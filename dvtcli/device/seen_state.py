@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT, GUARD_TIME, LIFE_TIME_FACTOR, PRODUCER_HEARTBEAT
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.process_data import drive_state
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -16,7 +18,6 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
 
-HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
 STATUSWORD = (0x6041, 0)
 #: How far the objects of a drive's axes are apart, and how many axes there may be (CiA 402-2, 6.2).
 AXIS, _AXES = 0x800, 8
@@ -24,7 +25,6 @@ AXIS, _AXES = 0x800, 8
 STATUSWORDS = tuple((STATUSWORD[0] + axis * AXIS, STATUSWORD[1]) for axis in range(_AXES))
 #: What commands an axis to enable its operation, of each of them.
 CONTROLWORDS = frozenset((0x6040 + axis * AXIS, 0) for axis in range(_AXES))
-_ERROR_CONTROL = 0x700
 #: Longest wait for a sign of life that confirms a state, where nothing says when the next one comes, in seconds.
 CONFIRM_S = 1.5
 #: How long a node may take to answer a node guarding request, in seconds.
@@ -75,7 +75,7 @@ def present_state(access: NodeAccess) -> NmtState | None:
 def _heartbeat_s(access: NodeAccess) -> float | None:
     """The heartbeat period (s), 0 for none; None without an answer."""
     try:
-        return (read_optional(access.bus.sdo(access.node_id), HEARTBEAT_TIME, 0, 2) or 0) / 1000
+        return (read_optional(access.bus.sdo(access.node_id), PRODUCER_HEARTBEAT, 0, 2) or 0) / 1000
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return None  # not to be asked is no state either: the caller says "not confirmed"
 
@@ -89,7 +89,7 @@ def _guarded(access: NodeAccess) -> NmtState | None:
         return None
     if all(life) or not bus.carries_remote_frames:
         return None
-    bus.send(Frame(_ERROR_CONTROL + access.node_id, b"", remote=True))
+    bus.send(Frame(HEARTBEAT_BASE + access.node_id, b"", remote=True))
     deadline_s = bus.now_s() + GUARD_S
     while (state := bus.nmt_state(access.node_id)) is None and bus.now_s() < deadline_s:
         bus.sleep(0.005)
@@ -137,18 +137,15 @@ def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
     return ""
 
 
-_CONSUMER = 0x1016
-
-
 def heartbeat_ms(sdo: SdoReader) -> int | None:
     """The producer heartbeat time in ms (0x1017); 0 for none, None without the object."""
-    return read_optional(sdo, HEARTBEAT_TIME, 0, 2)
+    return read_optional(sdo, PRODUCER_HEARTBEAT, 0, 2)
 
 
 def heartbeat_slots(sdo: SdoReader) -> dict[int, int]:
     """The entries of the node's 0x1016 by sub-index; empty without the object."""
-    count = read_optional(sdo, _CONSUMER, 0, 1) or 0
-    held = {sub_index: read_optional(sdo, _CONSUMER, sub_index, 4) for sub_index in range(1, count + 1)}
+    count = read_optional(sdo, CONSUMER_HEARTBEAT, 0, 1) or 0
+    held = {sub_index: read_optional(sdo, CONSUMER_HEARTBEAT, sub_index, 4) for sub_index in range(1, count + 1)}
     return {sub_index: value for sub_index, value in held.items() if value is not None}
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeGuard
 
 from dvtcli.device.read_pdos import UNREADABLE
-from dvtcli.device.store.store_parameters import STORE
+from dvtcli.domain.objects import STORE_PARAMETERS, VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
+from dvtcli.domain.plan import Plan, Step, ValueChange, alters
 from dvtcli.domain.store import DATE, TIME, Stamp, is_own_date
 from dvtcli.errors import SdoAborted
 
@@ -35,13 +35,13 @@ def held_stamp(node: KnownPdos) -> Stamp | None:
 
 def _read(node: KnownPdos, sub_index: int) -> int | None:
     if node.dictionary is not None:
-        entry = node.dictionary.entry(STAMP, sub_index)
+        entry = node.dictionary.entry(VERIFY_CONFIGURATION, sub_index)
         if entry is None or not (entry.access.readable and entry.access.writable):
             return None
     elif node.has_no_stamp:
         return None
     try:
-        data = node.read_cache.upload(STAMP, sub_index)
+        data = node.read_cache.upload(VERIFY_CONFIGURATION, sub_index)
     except SdoAborted as aborted:
         if aborted.code not in UNREADABLE:
             raise
@@ -52,7 +52,10 @@ def _read(node: KnownPdos, sub_index: int) -> int | None:
 
 def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:
     """The changes from *held* to *wanted*: both sub-indices, even if equal, by way of 0."""
-    steps = (Step(STAMP, sub_index, held.data(sub_index), wanted.data(sub_index), reason) for sub_index in (DATE, TIME))
+    steps = (
+        Step(VERIFY_CONFIGURATION, sub_index, held.data(sub_index), wanted.data(sub_index), reason)
+        for sub_index in (DATE, TIME)
+    )
     return tuple(ValueChange(step) for step in steps if any(step.before or b"") or any(step.after))
 
 
@@ -97,7 +100,7 @@ def with_stamp_ended(node: KnownPdos, plan: Plan) -> Plan:
 
 def is_stamp(change: Change) -> TypeGuard[ValueChange]:
     """True if *change* writes 0x1020."""
-    return isinstance(change, ValueChange) and change.step.index == STAMP
+    return isinstance(change, ValueChange) and change.step.index == VERIFY_CONFIGURATION
 
 
 def _configures(node: NodeDescription, change: Change) -> bool:
@@ -108,5 +111,5 @@ def _configures(node: NodeDescription, change: Change) -> bool:
     if Pdo.at(step.index) is not None:
         return True
     entry = None if node.dictionary is None else node.dictionary.entry(step.index, step.sub_index)
-    saves = (step.index, step.sub_index) == node.profile.store.saved_by or step.index == STORE
+    saves = (step.index, step.sub_index) == node.profile.store.saved_by or step.index == STORE_PARAMETERS
     return alters(change) and not saves and not (entry is not None and entry.pdo_mapping)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from dvtcli.domain.can_ids import EMCY_BASE, SYNC_ID
+from dvtcli.domain.objects import FURTHER_SDO_CHANNELS, FURTHER_SDO_SERVERS, SRDO_COMMUNICATION
+
 INVALID_BIT = 1 << 31
 NO_RTR_BIT = 1 << 30
 FRAME_BIT = 1 << 29
@@ -79,14 +82,10 @@ def fits(can_id: int, *, extended: bool) -> bool:
     return 0 <= can_id <= (CAN_ID_MASK if extended else HIGHEST_BASE_CAN_ID)
 
 
-#: The parameters of SDO servers after the default one, and of SDO clients (CiA 301, 7.4.1).
-SDO_SERVERS, SDO_CLIENTS = range(0x1201, 0x1280), range(0x1280, 0x1300)
-#: Places of the COB-IDs of further SDO servers and clients.
-SDO_CHANNEL_INDICES = range(SDO_SERVERS.start, SDO_CLIENTS.stop)
-#: Communication parameters of SRDOs (EN 50325-5), and in each the direction, 0 for none, and both COB-IDs.
-SRDOS, SRDO_DIRECTION, SRDO_COB_IDS = range(0x1301, 0x1341), 1, (5, 6)
+#: Sub-indices of SRDOs (EN 50325-5): the direction, 0 for none, and both COB-IDs.
+SRDO_DIRECTION, SRDO_COB_IDS = 1, (5, 6)
 #: Default CAN-ID of SYNC, with 11 bits (CiA 301, 7.5.2.5).
-SYNC_BY_DEFAULT = (0x080, False)
+SYNC_BY_DEFAULT = (SYNC_ID, False)
 _FRAME = 1 << 29
 #: Bit 30 of 0x1005 and 0x1012: the node produces it; bit 31 of 0x1014 and of SDO channels: disabled.
 PRODUCES, OFF = 1 << 30, 1 << 31
@@ -94,9 +93,9 @@ PRODUCES, OFF = 1 << 30, 1 << 31
 
 def is_channel_place(index: int, sub_index: int) -> bool:
     """Whether a further SDO channel or an SRDO has its COB-ID, or its direction, at *index*:*sub_index*."""
-    if index in SRDOS:
+    if index in SRDO_COMMUNICATION:
         return sub_index == SRDO_DIRECTION or sub_index in SRDO_COB_IDS
-    return index in SDO_CHANNEL_INDICES and sub_index in (1, 2)
+    return index in FURTHER_SDO_CHANNELS and sub_index in (1, 2)
 
 
 def taken_by_services(
@@ -113,7 +112,7 @@ def taken_by_services(
     """
     found = taken_by_channels(node_id, channels) | _taken_by_time(time)
     if emcy is None:
-        found[0x080 + node_id, False] = "this node's EMCY by default"
+        found[EMCY_BASE + node_id, False] = "this node's EMCY by default"
     elif not emcy & OFF:
         found[_identifier(emcy)] = "this node's EMCY"
     found[SYNC_BY_DEFAULT if sync is None else _identifier(sync)] = "SYNC"
@@ -144,12 +143,12 @@ def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> 
     """CAN-IDs of further SDO servers and clients, and of SRDOs, with COB-IDs *channels*; a disabled one has none."""
     found: dict[tuple[int, bool], str] = {}
     for (index, sub_index), raw in channels.items():
-        if index in SRDOS:
+        if index in SRDO_COMMUNICATION:
             if sub_index in SRDO_COB_IDS and raw and channels.get((index, SRDO_DIRECTION), 1):
-                number = index - SRDOS.start + 1
+                number = index - SRDO_COMMUNICATION.start + 1
                 found[_identifier(raw)] = f"SRDO{number} of node {node_id} ({index:04X}:{sub_index:02X})"
         elif not raw & OFF and not channels.get((index, 3 - sub_index), 0) & OFF:
-            what = "server" if index in SDO_SERVERS else "client"
+            what = "server" if index in FURTHER_SDO_SERVERS else "client"
             found[_identifier(raw)] = f"an SDO {what} of node {node_id} ({index:04X}:{sub_index:02X})"
     return found
 

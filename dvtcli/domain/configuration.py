@@ -9,18 +9,24 @@ from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.object_dictionary import Access, normalised
+from dvtcli.domain.objects import (
+    DEVICE_TYPE,
+    ERROR_FIELD,
+    MANUFACTURER_AREA,
+    PROFILE_AREA,
+    RESTORE_PARAMETERS,
+    SAFETY,
+    STORE_PARAMETERS,
+    VERIFY_CONFIGURATION,
+)
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.process_data import is_named_as_process_data, is_named_as_setting, pdo_may_carry, rpdo_may_take
 from dvtcli.domain.profile import Range, within
-from dvtcli.domain.standard_objects import SAFETY
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 
-DEVICE_TYPE = 0x1000
-#: Indices of device profiles
-PROFILES = range(0x6000, 0xA000)
 DRIVE = 402
 _IO_MODULE, _MEASURING, _ENCODER, _INCLINOMETER = 401, 404, 406, 410
 #: Index distance between axes, or logical devices (CiA 301, 7.4.1)
@@ -73,8 +79,8 @@ class DeviceTypes:
         return cls(numbers - {0} or frozenset({0}), is_several, own)
 
     def at(self, index: int) -> frozenset[int]:
-        """Profile numbers that may define the object at *index* in `PROFILES`; 0 means any profile."""
-        device = (index - PROFILES.start) // _LOGICAL_DEVICE
+        """Profile numbers that may define the object at *index* in `PROFILE_AREA`; 0 means any profile."""
+        device = (index - PROFILE_AREA.start) // _LOGICAL_DEVICE
         if device in self.logical:
             return self.said | {self.logical[device]}
         return self.said | {0} if self.is_several and device else self.said
@@ -82,13 +88,13 @@ class DeviceTypes:
 
 def logical_types() -> Mapping[int, int]:
     """Index of each logical device's type, by number from 0 (CiA 301, 7.5.2.1)."""
-    devices = range(len(PROFILES) // _LOGICAL_DEVICE)
+    devices = range(len(PROFILE_AREA) // _LOGICAL_DEVICE)
     return {device: _LAST_OF_FIRST + device * _LOGICAL_DEVICE for device in devices}
 
 
 def in_first(index: int) -> int:
-    """The first logical device's index for *index* in `PROFILES`."""
-    return PROFILES.start + (index - PROFILES.start) % _LOGICAL_DEVICE
+    """The first logical device's index for *index* in `PROFILE_AREA`."""
+    return PROFILE_AREA.start + (index - PROFILE_AREA.start) % _LOGICAL_DEVICE
 
 
 def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:
@@ -98,7 +104,7 @@ def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:
     any device, unless the device's profile says otherwise, or no RPDO can write it and its name does not suggest
     process data.
     """
-    if entry.index not in PROFILES:
+    if entry.index not in PROFILE_AREA:
         return None
     first, numbers = in_first(entry.index), types.at(entry.index)
     for number, places, found in ((DRIVE, _COMMANDS, Acts.COMMAND), (_IO_MODULE, _OUTPUTS, Acts.OUTPUT)):
@@ -119,15 +125,13 @@ def _may_be_process_data(entry: OdEntry, names: str) -> bool:
     return entry.access.writable and (unknown or rpdo_may_take(entry) or is_named_as_process_data(names))
 
 
-_ERROR_HISTORY, _STAMP = 0x1003, 0x1020
-_STORE = (0x1010, 0x1011)
+_STORE = (STORE_PARAMETERS, RESTORE_PARAMETERS)
 _PROGRAM = range(0x1F50, 0x1F60)
 _DEFAULT_SDO_SERVER = 0x1200
 #: time stamp, stored EDS, operating system (CiA 301, 7.5.2.16 and 7.5.2.24 to 7.5.2.29), node-ID of old standards,
 #: and of CiA 302: verify and configure, request NMT, request guarding
 _REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
 _NODE_ID = 0x100B
-_MAKERS = range(0x2000, 0x6000)
 #: Indices of CiA 402 in the first axis: an object other than a command is a setting
 _OF_DRIVES = range(0x6040, 0x6100)
 
@@ -229,7 +233,7 @@ class Configuration:
         found = self._never(entry)
         if found is not None or Pdo.at(entry.index) is not None:
             return found
-        if entry.index in _MAKERS:
+        if entry.index in MANUFACTURER_AREA:
             found = self._of_maker(entry)
         elif rpdo_may_take(entry):
             found = NotWritten.RPDO_MAPPABLE
@@ -258,7 +262,7 @@ class Configuration:
 
     def _by_name(self, entry: OdEntry) -> NotWritten | None:
         """Reasons from the name of an object outside the standards."""
-        if entry.index not in _MAKERS:
+        if entry.index not in MANUFACTURER_AREA:
             return None
         name = self._full_name(entry)
         if _NAMED_PASSCODE.search(name):
@@ -295,8 +299,8 @@ class Configuration:
 
     def _is_setting(self, entry: OdEntry) -> bool:
         """Whether an RPDO-mappable object is a setting by standard or name; a range may write a setting."""
-        in_drive = entry.index in PROFILES and in_first(entry.index) in _OF_DRIVES
-        if entry.index < _MAKERS.start or (in_drive and self.types.at(entry.index) & {0, DRIVE}):
+        in_drive = entry.index in PROFILE_AREA and in_first(entry.index) in _OF_DRIVES
+        if entry.index < MANUFACTURER_AREA.start or (in_drive and self.types.at(entry.index) & {0, DRIVE}):
             return True
         whole = None if self.dictionary is None else self.dictionary.get(entry.index)
         return is_named_as_setting(entry.name, "" if whole is None else whole.name)
@@ -311,8 +315,8 @@ class Configuration:
 
 
 _ONE_BY_ONE = {
-    _ERROR_HISTORY: NotWritten.ERROR_HISTORY,
-    _STAMP: NotWritten.STAMP,
+    ERROR_FIELD: NotWritten.ERROR_HISTORY,
+    VERIFY_CONFIGURATION: NotWritten.STAMP,
     _DEFAULT_SDO_SERVER: NotWritten.SDO_CHANNEL,
     _NODE_ID: NotWritten.NODE_ID,
     **dict.fromkeys(_STORE, NotWritten.STORE),

@@ -21,6 +21,7 @@ from dvtcli.domain.gateway_words import (
 )
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan, phases
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.plan import Change, Step
 from dvtcli.domain.text import plural
 
@@ -370,7 +371,7 @@ def _entry(entry: PdoEntry) -> str:
     return entry.data_type if entry.index is None else f"0x{entry.index:04X} {entry.sub_index} {entry.data_type}"
 
 
-_STORE, _SAVE = 0x1010, b"save"
+_SAVE = b"save"
 #: start of a comment that dvtcli's `run` executes
 REQUIRED = "#! require "
 _PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
@@ -431,7 +432,7 @@ def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str 
     for node_id in (node.node_id for node in nodes if node.stores):
         for store in around[node_id].stores:
             yield f"node {node_id}: store"
-            yield node_id, Write(_STORE, store, "vs", _SAVE)
+            yield node_id, Write(STORE_PARAMETERS, store, "vs", _SAVE)
     for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].start):
         yield f"node {node_id}: it was OPERATIONAL"
         yield node_id, Nmt(NmtCommand.START)

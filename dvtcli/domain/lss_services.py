@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-#: CAN-IDs of the LSS master's requests and of the slaves' answers
-REQUEST_ID, ANSWER_ID = 0x7E5, 0x7E4
-
 SWITCH_GLOBAL, CONFIGURE_NODE_ID, STORE_CONFIGURATION = 0x04, 0x11, 0x17
 CONFIGURE_BIT_TIMING, ACTIVATE_BIT_TIMING = 0x13, 0x15
 #: the first of the four frames of *switch state selective*, the answer to the last, and the six of *identify*

@@ -10,6 +10,7 @@ from enum import IntEnum, StrEnum
 from itertools import takewhile
 
 from dvtcli.domain.datatypes import DataType
+from dvtcli.domain.objects import IDENTITY
 
 
 class Access(StrEnum):
@@ -165,8 +166,8 @@ class Commissioning:
     lss_serial_number: int | None = None
 
 
-#: identity object (CiA 301, 7.5.2.21), and an unset number
-_IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
+#: an unset number
+ERASED = 0xFFFF_FFFF
 #: names looked for in the file's text; more than these make it worth while to build all objects
 _FEW_NAMES = 16
 _SHORT_WORD = 3
@@ -299,9 +300,9 @@ class ObjectDictionary(Mapping[int, OdObject]):
 
     def identified(self) -> ObjectDictionary:
         """The same dictionary with a complete identity: values missing or 0 in 0x1018 come from the device's data."""
-        if _IDENTITY not in self:
+        if IDENTITY not in self:
             return self
-        held = self[_IDENTITY]
+        held = self[IDENTITY]
         entries = dict(held.entries)
         for sub_index, number in enumerate(self.info.identity.values(), 1):
             entry = entries.get(sub_index)
@@ -309,7 +310,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
                 entries[sub_index] = replace(entry, default=number.to_bytes(4, "little"), value=None)
         if entries == dict(held.entries):
             return self
-        objects = {**self._objects, _IDENTITY: replace(held, entries=entries)}
+        objects = {**self._objects, IDENTITY: replace(held, entries=entries)}
         return ObjectDictionary(objects, self.info, self.source, self._texts)
 
     @property

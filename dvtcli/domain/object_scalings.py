@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
+from dvtcli.domain.objects import DEVICE_TYPE
 from dvtcli.domain.scaling import Scaling, parse_factor, parse_offset, parse_scale
 
 #: scaling of an object without description
 NOTHING = Scaling()
-#: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
-_DEVICE_TYPE = 0x1000
 #: the device profile of drives
 _DRIVE = 402
 #: objects up to here have the types in CiA 301, whatever a file says
@@ -109,7 +108,7 @@ class Standard:
 
 def _profile_number(dictionary: ObjectDictionary | None) -> int | None:
     """The device profile in a device's file; None without a file, or if not given."""
-    entry = dictionary.entry(_DEVICE_TYPE, 0) if dictionary else None
+    entry = dictionary.entry(DEVICE_TYPE, 0) if dictionary else None
     data = None if entry is None else entry.initial(0)
     return None if data is None else int.from_bytes(data, "little") & 0xFFFF
 

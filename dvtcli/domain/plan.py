@@ -11,11 +11,19 @@ from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_scalings import ScaledValue, cut_text, value_text
+from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
+    CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
+    FURTHER_SDO_CHANNELS,
+    SYNC_OVERFLOW,
+    VERIFY_CONFIGURATION,
+)
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.text import hex_preview, join_some, plural
 
-#: Verify configuration (CiA 301): date and time as the stamp of a configuration (`stamp`).
-STAMP = 0x1020
 TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 2, 3, 5, 6
 #: Transmission types of TPDOs sent on request (RTR).
 ON_REQUEST = (252, 253)
@@ -72,7 +80,7 @@ class ValueChange(NamedTuple):
         before, after = self.step.before, self.step.after
         if self.is_dependent:
             return tuple(order_of_dependent_values((self.step,)))
-        if self.step.index != STAMP or not any(before or b"") or not any(after):
+        if self.step.index != VERIFY_CONFIGURATION or not any(before or b"") or not any(after):
             return (self.step,)
         nothing = bytes(len(after))
         return (
@@ -261,10 +269,6 @@ def _entry_reason(entry: PdoMappingEntry) -> str:
     return f"skip {entry.bits} bits" if entry.is_dummy else f"map {entry}"
 
 
-SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
-TIME_COB_ID, EMCY_COB_ID, CONSUMER_TIMES = 0x1012, 0x1014, 0x1016
-#: SDO server and client parameters (CiA 301, 7.5.2.33 and 7.5.2.34), except the read-only default channel
-SDO_CHANNELS = range(0x1201, 0x1300)
 _SDO_COB_IDS = (1, 2)
 _INVALID, _PRODUCES = 1 << 31, 1 << 30
 #: bit 31 of TIME's COB-ID
@@ -323,10 +327,10 @@ def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:
 
 def is_dependent(index: int, sub_index: int) -> bool:
     """Whether an object's value must be written in an order with others, or by way of another value."""
-    if index in SDO_CHANNELS:
+    if index in FURTHER_SDO_CHANNELS:
         return True
-    return index in (SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW, TIME_COB_ID, EMCY_COB_ID) or (
-        index == CONSUMER_TIMES and sub_index > 0
+    return index in (COB_ID_SYNC, CYCLE_PERIOD, SYNC_OVERFLOW, COB_ID_TIME, COB_ID_EMCY) or (
+        index == CONSUMER_HEARTBEAT and sub_index > 0
     )
 
 
@@ -341,7 +345,7 @@ def order_of_dependent_values(steps: Iterable[Step]) -> list[Step]:
     wanted = list(steps)
     first, early, rest = list[Step](), list[Step](), list[Step]()
     for step in wanted:
-        if step.index == CONSUMER_TIMES:
+        if step.index == CONSUMER_HEARTBEAT:
             continue
         released = _released(step, wanted)
         if released is None:
@@ -351,8 +355,8 @@ def order_of_dependent_values(steps: Iterable[Step]) -> list[Step]:
         else:
             first.append(step.otherwise(step.before, released, _RELEASED))
             rest.append(step.otherwise(released, step.after, step.reason))
-    consumers = _consumers([step for step in wanted if step.index == CONSUMER_TIMES])
-    stopped = sorted((*first, *early), key=lambda step: step.index != SYNC_COB_ID)
+    consumers = _consumers([step for step in wanted if step.index == CONSUMER_HEARTBEAT])
+    stopped = sorted((*first, *early), key=lambda step: step.index != COB_ID_SYNC)
     return [*stopped, *sorted(rest, key=_rank), *consumers]
 
 
@@ -360,7 +364,7 @@ def altering(steps: Iterable[Step]) -> list[Step]:
     """Steps with an effect, and a SYNC period beside a changing overflow, since the period must be released."""
     wanted = list(steps)
     overflow = any(step.index == SYNC_OVERFLOW and step.before != step.after for step in wanted)
-    return [step for step in wanted if step.before != step.after or (overflow and step.index == SYNC_PERIOD)]
+    return [step for step in wanted if step.before != step.after or (overflow and step.index == CYCLE_PERIOD)]
 
 
 def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
@@ -368,7 +372,7 @@ def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
     if step.before is None:
         return None
     held, wanted = (int.from_bytes(data, "little") for data in (step.before, step.after))
-    if step.index == SYNC_PERIOD:
+    if step.index == CYCLE_PERIOD:
         overflow = any(download.index == SYNC_OVERFLOW and download.before != download.after for download in beside)
         return bytes(len(step.before)) if overflow and held else None
     stopped = _stopped(step, held)
@@ -381,20 +385,20 @@ def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
 
 def _stopped(step: Step, held: int) -> int | None:
     """The COB-ID *held* with its service disabled; None for any other object."""
-    if step.index == SYNC_COB_ID:
+    if step.index == COB_ID_SYNC:
         return held & ~_PRODUCES
-    if step.index == TIME_COB_ID:
+    if step.index == COB_ID_TIME:
         return held & ~(_PRODUCES | _CONSUMES)
-    if step.index == EMCY_COB_ID or (step.index in SDO_CHANNELS and step.sub_index in _SDO_COB_IDS):
+    if step.index == COB_ID_EMCY or (step.index in FURTHER_SDO_CHANNELS and step.sub_index in _SDO_COB_IDS):
         return held | _INVALID
     return None
 
 
 def _rank(step: Step) -> int:
     """Sort key: the overflow before the period, the period before SYNC; an SDO channel's node before its COB-IDs."""
-    if step.index == SYNC_COB_ID:
+    if step.index == COB_ID_SYNC:
         return 2
-    return 1 if step.index == SYNC_PERIOD or _stopped(step, 0) is not None else 0
+    return 1 if step.index == CYCLE_PERIOD or _stopped(step, 0) is not None else 0
 
 
 def _consumers(steps: Sequence[Step]) -> Iterator[Step]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from dvtcli.domain.object_dictionary import Access, OdEntry, normalised
+from dvtcli.domain.objects import MANUFACTURER_AREA
 
 
 def rpdo_may_take(entry: OdEntry) -> bool:
@@ -31,7 +32,6 @@ _AXIS, _LAST = 0x800, 0x9FFF
 _OF_DRIVES = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF})
 #: Outputs of an I/O module (CiA 401-1, 7.2: digital 0x6200, 0x6220, 0x6300, 0x6320, analogue 0x6400…0x6411)
 _OF_OUTPUTS = frozenset({0x6200, 0x6220, 0x6300, 0x6320, 0x6400, 0x6410, 0x6411})
-_MAKERS = range(0x2000, 0x6000)
 #: Objects that read back a capability or a state: store and restore, high resolution time stamp, OS
 #: command, mode, debugger and prompt (CiA 301, 7.5.2.13, 7.5.2.14, 7.5.2.16, 7.5.2.26 to 7.5.2.29), configuration
 #: request, request NMT and request node guarding (CiA 302-2), program data and program control (CiA 302-3)
@@ -46,7 +46,7 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
     A manufacturer-specific object counts if the file says that a PDO can carry it.
     """
     if not 0x6000 <= index <= _LAST:
-        return index in _MAKERS and entry is not None and may_be_commanded(entry)
+        return index in MANUFACTURER_AREA and entry is not None and may_be_commanded(entry)
     first = 0x6000 + (index - 0x6000) % _AXIS
     return first in _OF_DRIVES or (first in _OF_OUTPUTS and entry is not None and may_be_commanded(entry))
 
@@ -68,7 +68,7 @@ def answers_with_state(index: int) -> bool:
 
 def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
     """Whether the object at *index*, named *names* in a file, is a control word: its maker may add a busy bit."""
-    if not is_controlword(index) and (index not in _MAKERS or entry is None):
+    if not is_controlword(index) and (index not in MANUFACTURER_AREA or entry is None):
         return False
 
     return is_controlword(index) or is_named_as_control_word(names)

@@ -6,6 +6,16 @@ from typing import NamedTuple
 
 from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
 from dvtcli.domain.object_dictionary import Access, ObjectType
+from dvtcli.domain.objects import (
+    GUARD_TIME,
+    IDENTITY,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+    SAFETY,
+    SAFETY_SIGNATURES,
+    SRDO_COMMUNICATION,
+    SRDO_MAPPING,
+)
 from dvtcli.domain.pdo import DISPATCHER_LISTS, SCANNER_LISTS
 
 _STORED = ("all parameters", "communication parameters", "application parameters")
@@ -25,10 +35,6 @@ _NAMES = {
 }  # fmt: skip
 _ONE_EACH = {0x1003: "error", 0x1016: "consumer heartbeat time"}
 _SDO = ("COB-ID client to server", "COB-ID server to client", "node-ID of the other side")
-#: SRDOs (EN 50325-5): communication and mapping parameters, and the signatures of their configuration.
-_SRDO_COMMUNICATION, _SRDO_MAPPING, _SRDO_SIGNATURES = range(0x1301, 0x1341), range(0x1381, 0x13C1), 0x13FF
-#: Objects of a safety device's configuration (EN 50325-5): no PDO carries them.
-SAFETY = range(0x1300, 0x1400)
 _SRDO = (
     "information direction", "refresh time or SCT", "SRVT", "transmission type", "COB-ID 1", "COB-ID 2 (inverted)",
 )  # fmt: skip
@@ -57,18 +63,18 @@ def standard_name(index: int, sub_index: int) -> str:
         return _NAMES.get(index, "")
     if index in _ONE_EACH:
         return f"{_ONE_EACH[index]} {sub_index}"
-    if is_pdo_mapping(index) or index in _SRDO_MAPPING:
+    if is_pdo_mapping(index) or index in SRDO_MAPPING:
         return f"mapped object {sub_index}"
     if index in SCANNER_LISTS or index in DISPATCHER_LISTS:
         return f"{'scanned' if index in SCANNER_LISTS else 'dispatched'} objects {sub_index}"
-    if index == _SRDO_SIGNATURES:
+    if index == SAFETY_SIGNATURES:
         return f"signature of SRDO {sub_index}"
     names = _PARTS.get(index, ())
     if is_pdo_communication(index):
         names = _COMMUNICATION
     elif 0x1200 <= index <= 0x12FF:
         names = _SDO
-    elif index in _SRDO_COMMUNICATION:
+    elif index in SRDO_COMMUNICATION:
         names = _SRDO
     return names[sub_index - 1] if 1 <= sub_index <= len(names) else ""
 
@@ -80,8 +86,8 @@ class StandardEntry(NamedTuple):
     access: Access | None
 
 
-#: The identity object, and its highest sub-index.
-_IDENTITY, _IDENTITY_LENGTH = 0x1018, 4
+#: The highest sub-index of the identity object.
+_IDENTITY_LENGTH = 4
 _RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
 
 #: VAR objects (CiA 301, 7.5.2).
@@ -155,7 +161,7 @@ def is_pdo_communication(index: int) -> bool:
 
 def is_srdo_mapping(index: int) -> bool:
     """Whether *index* is the mapping parameter of an SRDO (EN 50325-5)."""
-    return index in _SRDO_MAPPING
+    return index in SRDO_MAPPING
 
 
 def is_pdo_mapping(index: int) -> bool:
@@ -167,7 +173,7 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
     """Entry for *index*:*sub_index* in CiA 301, or None."""
     if sub_index == 0 and index in _VARIABLES:
         return _VARIABLES[index]
-    if index == _IDENTITY and sub_index > _IDENTITY_LENGTH:
+    if index == IDENTITY and sub_index > _IDENTITY_LENGTH:
         return None
     if index in _ARRAYS:
         return _ARRAYS[index][min(sub_index, 1)]
@@ -181,17 +187,17 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
 
 
 def _safety_entry(index: int, sub_index: int) -> StandardEntry | None:
-    if index in _SRDO_COMMUNICATION:
+    if index in SRDO_COMMUNICATION:
         return _SRDO_PARAMETER[sub_index] if sub_index < len(_SRDO_PARAMETER) else None
-    if index in _SRDO_MAPPING:
+    if index in SRDO_MAPPING:
         return _SRDO_ENTRIES[min(sub_index, 1)]
-    if index == _SRDO_SIGNATURES:
+    if index == SAFETY_SIGNATURES:
         return _SIGNATURES[min(sub_index, 1)]
     return _SAFETY_VARIABLES.get(index) if sub_index == 0 else None
 
 
 #: Objects whose access CiA 301 leaves open, though it has them rw: a value that the device cannot change.
-_MAY_BE_FIXED = {0x100C: (_RO, _CONST), 0x100D: (_RO, _CONST), 0x1017: (_CONST,)}
+_MAY_BE_FIXED = {GUARD_TIME: (_RO, _CONST), LIFE_TIME_FACTOR: (_RO, _CONST), PRODUCER_HEARTBEAT: (_CONST,)}
 #: Objects of the communication area with PDO mapping *optional*; of all others CiA 301 says *no*.
 _MAPPABLE = (0x1001, 0x1002, 0x1013)
 _SDO_COB_IDS = (1, 2)
@@ -219,9 +225,9 @@ def standard_object_type(index: int) -> ObjectType | None:
     """The object type of *index* in CiA 301, or None."""
     if index in _VARIABLES:
         return ObjectType.VAR
-    if index in _ARRAYS and index != _IDENTITY:
+    if index in _ARRAYS and index != IDENTITY:
         return ObjectType.ARRAY
-    record = index == _IDENTITY or 0x1200 <= index <= 0x12FF or is_pdo_communication(index) or is_pdo_mapping(index)
+    record = index == IDENTITY or 0x1200 <= index <= 0x12FF or is_pdo_communication(index) or is_pdo_mapping(index)
     return ObjectType.RECORD if record else None
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, CobId
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
+from dvtcli.domain.objects import SDO_SERVERS, SRDO_COMMUNICATION
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import ObjectAddress
@@ -291,8 +292,6 @@ class Misfits:
             yield frame
 
 
-#: objects of the servers; sub-index 1 is the COB-ID to the server, 2 that from it
-SDO_SERVERS = range(0x1200, 0x1280)
 _WORDS = {1: "request", 2: "answer"}
 
 
@@ -318,7 +317,7 @@ def server_name(index: int) -> str:
 
 def srdo_name(index: int, sub_index: int) -> str:
     """Name the frame whose COB-ID is at *index*:*sub_index*: `SRDO1`, or `SRDO1 inverted` for its second frame."""
-    return f"SRDO{index - SRDOS.start + 1}{'' if sub_index == SRDO_COB_IDS[0] else ' inverted'}"
+    return f"SRDO{index - SRDO_COMMUNICATION.start + 1}{'' if sub_index == SRDO_COB_IDS[0] else ' inverted'}"
 
 
 def described_channels(
@@ -330,7 +329,7 @@ def described_channels(
     if dictionary is not None:
         servers = [(index, sub) for index in dictionary.indices_among(SDO_SERVERS[1:]) for sub in _WORDS]
         parts = (SRDO_DIRECTION, *SRDO_COB_IDS)
-        channels = [(index, sub) for index in dictionary.indices_among(SRDOS) for sub in parts]
+        channels = [(index, sub) for index in dictionary.indices_among(SRDO_COMMUNICATION) for sub in parts]
         described = {place: _initial(dictionary, place, node_id) for place in (*servers, *channels)}
         said = {place: raw for place, raw in described.items() if raw is not None} | said
         for index, sub_index in channels:

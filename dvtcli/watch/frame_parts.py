@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 
 from dvtcli.domain import lss_services as lss
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.can_ids import LSS_REQUEST_ID
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text, register_words
 from dvtcli.domain.frame import Field, layout
-from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Decoder, Layout, Signal, SignalPlace
@@ -332,7 +332,7 @@ def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], Known
 
         return [*parts, *sdo_parts(data, request=service.label.endswith("request"), name_of=name_of)]
     if service.kind == "lss":
-        return [*parts, *lss_parts(data, request=frame.can_id == REQUEST_ID)]
+        return [*parts, *lss_parts(data, request=frame.can_id == LSS_REQUEST_ID)]
     if service.kind in _BY_KIND:
         return [*parts, *_BY_KIND[service.kind](data)]
     if known.mpdo is not None:

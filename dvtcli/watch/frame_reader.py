@@ -14,9 +14,10 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.objects import SDO_SERVERS
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.watch.decoder import SDO_SERVERS, Address, Decoder, Layout, server_layouts
+from dvtcli.watch.decoder import Address, Decoder, Layout, server_layouts
 from dvtcli.watch.frame_parts import lss_parts
 from dvtcli.watch.known_node import KnownNode, of_mpdo
 from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
+from dvtcli.domain.objects import PRODUCER_HEARTBEAT
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.sdo_transfers import ReceivedObjects, is_boot_up
 
-HEARTBEAT_TIME = 0x1017
-#: CAN-ID of a heartbeat, without the node-ID
-HEARTBEATS = 0x700
 #: A heartbeat is missing after this many periods plus this time (s).
 MISSING_AFTER_PERIODS, GRACE_S = 2, 0.5
 
@@ -38,7 +37,7 @@ class Heartbeats:
         elif is_boot_up(frame):
             self._beats.pop(frame.can_id & 0x7F, None)
             self._told_s.pop(frame.can_id & 0x7F, None)
-        elif frame.can_id & ~0x7F == HEARTBEATS and len(frame.data) == 1 and not frame.extended and not frame.remote:
+        elif frame.can_id & ~0x7F == HEARTBEAT_BASE and len(frame.data) == 1 and not (frame.extended or frame.remote):
             node_id = frame.can_id & 0x7F
             known = self._beats.get(node_id)
             self._beats[node_id] = _Beat(now_s, None if known is None else now_s - known.last_s)
@@ -80,7 +79,7 @@ class HeartbeatTimes:
     """Track the SDO transfers of 0x1017 on the bus."""
 
     def __init__(self) -> None:
-        self._objects = ReceivedObjects({HEARTBEAT_TIME})
+        self._objects = ReceivedObjects({PRODUCER_HEARTBEAT})
 
     def take(self, frame: Frame) -> ReceivedTime | None:
         """The heartbeat time if *frame* completes its transfer; None for every other frame."""

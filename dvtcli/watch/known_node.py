@@ -7,10 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, CobId
 from dvtcli.domain.datatypes import DataType, Kind, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import ObjectScalings, cut_text
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME, CONSUMER_HEARTBEAT, SRDO_COMMUNICATION
 from dvtcli.domain.pdo import PdoMappingEntry, listed_objects
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.standard_objects import (
@@ -23,8 +24,8 @@ from dvtcli.domain.standard_objects import (
 from dvtcli.domain.text import hex_preview, plural
 
 #: objects that are one COB-ID, and those whose bit 31 is no switch
-_COB_IDS, _WITHOUT_OFF = (0x1005, 0x1012, 0x1014), (0x1005, 0x1012)
-_CONSUMER_HEARTBEAT, _SDO_PARAMETERS = 0x1016, range(0x1200, 0x1300)
+_COB_IDS, _WITHOUT_OFF = (COB_ID_SYNC, COB_ID_TIME, COB_ID_EMCY), (COB_ID_SYNC, COB_ID_TIME)
+_SDO_PARAMETERS = range(0x1200, 0x1300)
 #: information direction of an SRDO (EN 50325-5)
 _DIRECTIONS = ("off", "transmitted", "received")
 #: the longest number (bytes) of an object of unknown type
@@ -116,12 +117,12 @@ def _communication_text(index: int, sub_index: int, value: Value) -> str:
     """A COB-ID, or a consumer heartbeat time, in words; empty for any other object."""
     if not isinstance(value, int) or not 0 <= value < 1 << 32:
         return ""
-    if index == _CONSUMER_HEARTBEAT and sub_index:
+    if index == CONSUMER_HEARTBEAT and sub_index:
         return f"node {value >> 16 & 0xFF}, {value & 0xFFFF} ms"
     is_sdo = index in _SDO_PARAMETERS and sub_index in (1, 2)
-    if index in SRDOS and sub_index == SRDO_DIRECTION:
+    if index in SRDO_COMMUNICATION and sub_index == SRDO_DIRECTION:
         return f"{_DIRECTIONS[value]} ({value})" if value < len(_DIRECTIONS) else ""
-    if index in SRDOS and sub_index in SRDO_COB_IDS:
+    if index in SRDO_COMMUNICATION and sub_index in SRDO_COB_IDS:
         return str(CobId.from_raw(value))
     if not is_sdo and not (is_pdo_communication(index) and sub_index == 1) and index not in _COB_IDS:
         return ""

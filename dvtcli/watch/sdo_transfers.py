@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import KnownValues
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import HEARTBEAT_BASE, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.errors import SdoAborted
 
@@ -308,11 +310,9 @@ def _size(data: bytes, bit: int) -> int | None:
     return int.from_bytes(data[4:8], "little") if data[0] & bit else None
 
 
-_REQUESTS, _ANSWERS, _HEARTBEATS = 0x600, 0x580, 0x700
-_SDO_BYTES = 8
 #: heartbeat state of a boot-up message (CiA 301, 7.2.8.3.2.1)
 _BOOT_UP = b"\x00"
-_STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
+_WITH_PDOS = (1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,10 +347,10 @@ class _NodeValues:
     def hold(self, place: ObjectAddress, data: bytes, *, is_written: bool) -> None:
         """Hold *data*; a written 0x1010 or 0x1011 says what is stored."""
         index, sub_index = place
-        if not is_written or index not in (_STORE, _RESTORE):
+        if not is_written or index not in (STORE_PARAMETERS, RESTORE_PARAMETERS):
             self.last[place] = data
         elif sub_index in _WITH_PDOS:
-            self.stored = dict(self.last) if index == _STORE else {}
+            self.stored = dict(self.last) if index == STORE_PARAMETERS else {}
 
 
 class ReceivedObjects:
@@ -369,10 +369,10 @@ class ReceivedObjects:
         if is_boot_up(frame) and node_id in self._nodes:
             self._transfers.drop(node_id)
             self._nodes[node_id].last = dict(self._nodes[node_id].stored)
-        if service not in (_REQUESTS, _ANSWERS) or len(frame.data) != _SDO_BYTES:
+        if service not in (SDO_REQUEST_BASE, SDO_RESPONSE_BASE) or len(frame.data) != SDO_BYTES:
             return None
         node = self._nodes.setdefault(node_id, _NodeValues())
-        step = self._transfers.take((node_id, "SDO"), frame.data, request=service == _REQUESTS)
+        step = self._transfers.take((node_id, "SDO"), frame.data, request=service == SDO_REQUEST_BASE)
         if not step.has_whole_value or step.place is None or (self._only and step.place[0] not in self._only):
             return None
         is_written = bool(step.is_write)
@@ -393,4 +393,4 @@ def is_boot_up(frame: Frame) -> bool:
     """Whether *frame* is a boot-up message."""
     if frame.extended or frame.remote or not frame.can_id & 0x7F:
         return False
-    return frame.can_id & 0x780 == _HEARTBEATS and frame.data == _BOOT_UP
+    return frame.can_id & 0x780 == HEARTBEAT_BASE and frame.data == _BOOT_UP

@@ -6,11 +6,12 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout, guess, misfit
 from dvtcli.watch.frame_reader import OTHER, Reading
-from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
+from dvtcli.watch.heartbeats import HeartbeatTimes
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import BusLoad, FrameIntervals, ValueHistory
 
@@ -109,9 +110,9 @@ class FrameStore:
     def _follow_heartbeat_time(self, frame: Frame) -> None:
         """Forget a heartbeat's period if *frame* acknowledges another value of 0x1017."""
         received = self._heartbeat_times.take(frame)
-        row = (
-            self.rows.get((HEARTBEATS + received.node_id, False)) if received is not None and received.written else None
-        )
+        if received is None or not received.written:
+            return
+        row = self.rows.get((HEARTBEAT_BASE + received.node_id, False))
         if row is not None:
             row.rhythm = FrameIntervals()
 

@@ -7,6 +7,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from dvtcli.domain.can_ids import (
+    EMCY_BASE,
+    HEARTBEAT_BASE,
+    LSS_REQUEST_ID,
+    LSS_RESPONSE_ID,
+    NMT_ID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    SYNC_ID,
+    TIME_ID,
+)
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
@@ -21,17 +32,17 @@ class Service(NamedTuple):
 
 
 _FIXED = {
-    0x000: Service("nmt", "NMT"),
-    0x080: Service("sync", "SYNC"),
-    0x100: Service("time", "TIME"),
-    0x7E4: Service("lss", "LSS answer"),
-    0x7E5: Service("lss", "LSS"),
+    NMT_ID: Service("nmt", "NMT"),
+    SYNC_ID: Service("sync", "SYNC"),
+    TIME_ID: Service("time", "TIME"),
+    LSS_RESPONSE_ID: Service("lss", "LSS answer"),
+    LSS_REQUEST_ID: Service("lss", "LSS"),
 }
 _BY_FUNCTION = {
-    0x080: ("emcy", "EMCY"),
-    0x580: ("sdo", "SDO answer"),
-    0x600: ("sdo", "SDO request"),
-    0x700: ("heartbeat", "heartbeat"),
+    EMCY_BASE: ("emcy", "EMCY"),
+    SDO_RESPONSE_BASE: ("sdo", "SDO answer"),
+    SDO_REQUEST_BASE: ("sdo", "SDO request"),
+    HEARTBEAT_BASE: ("heartbeat", "heartbeat"),
 }
 _PDO_FUNCTIONS = range(0x180, 0x580, 0x80)
 

@@ -24,7 +24,7 @@ import canopen
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID
+from dvtcli.domain.can_ids import SDO_RESPONSE_BASE
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.plan_network import plan_network
@@ -54,7 +54,7 @@ class OnTheWire(canopen.Network):
 
     def _received(self, frame: Frame, sent: bool) -> None:
         if not sent:
-            self._answers += frame.can_id & ~0x7F == ANSWER_ID  # heartbeats pass as well
+            self._answers += frame.can_id & ~0x7F == SDO_RESPONSE_BASE  # heartbeats pass as well
             self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dvtcli.bus.sdo.sdo_link import REQUEST_ID
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.devices.backup_device import backup_device
 from dvtcli.operations.nodes.find_nodes import find_nodes
@@ -37,7 +37,7 @@ class Requests:
         bus.tap(self._take)
 
     def _take(self, frame: Frame, sent: bool) -> None:
-        if sent and frame.can_id & ~0x7F == REQUEST_ID:
+        if sent and frame.can_id & ~0x7F == SDO_REQUEST_BASE:
             self.sent.append(frame.data)
 
     @property

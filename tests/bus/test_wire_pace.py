@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from dvtcli.bus.bus_share import AHEAD_S, LONGEST_WAIT_S, WirePace
 from dvtcli.bus.message_bus import FEW_AT_ONCE
 from dvtcli.bus.python_can import LEAST_BIT_RATE
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_TIMEOUT_S, REQUEST_ID
+from dvtcli.bus.sdo.sdo_link import DEFAULT_TIMEOUT_S
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from tests.cli.commands.bus import device
@@ -53,7 +54,7 @@ def test_no_node_starves_behind_those_with_lower_can_ids(count: int, bitrate: in
     until_s = began_s + 0.5
     assert bus.side_by_side([reads(bus, node_id, until_s) for node_id in range(1, count + 1)]) == []
     heartbeats = [waited_s for can_id, waited_s in bus.waited_s.items() if can_id > HEARTBEAT_ID]
-    answers = [waited_s for can_id, waited_s in bus.waited_s.items() if ANSWER_ID < can_id < REQUEST_ID]
+    answers = [waited_s for can_id, waited_s in bus.waited_s.items() if SDO_RESPONSE_BASE < can_id < SDO_REQUEST_BASE]
     assert len(heartbeats) == len(answers) == count
     assert max(heartbeats) < 1.5 * HEARTBEAT_S
     assert max(answers) < DEFAULT_TIMEOUT_S / 3
@@ -105,9 +106,9 @@ class Passing:
 
     def exchange(self, node_id: int, request: bytes, answer: bytes | None) -> None:
         self.time_s = max(self.time_s, self.pace.slot_s())
-        self.passes(Frame(REQUEST_ID + node_id, request), True)
+        self.passes(Frame(SDO_REQUEST_BASE + node_id, request), True)
         if answer is not None:
-            self.passes(Frame(ANSWER_ID + node_id, answer), False)
+            self.passes(Frame(SDO_RESPONSE_BASE + node_id, answer), False)
 
 
 _DATA = st.binary(min_size=8, max_size=8).filter(lambda data: data[0] != 0x80)

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.domain.lss_services import BITS, FAST_SCAN, IDENTIFIED, PARTS, REQUEST_ID, LssAddress
+from dvtcli.domain.can_ids import LSS_REQUEST_ID
+from dvtcli.domain.lss_services import BITS, FAST_SCAN, IDENTIFIED, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer
@@ -65,7 +66,7 @@ def test_ten_nodes_take_the_requests_that_the_standard_needs() -> None:
     nodes = [unconfigured(serial) for serial in serials]
     bus = VirtualTimeBus(nodes, simulated=False)
     frames: list[bytes] = []
-    bus.tap(lambda frame, sent: frames.append(frame.data) if sent and frame.can_id == REQUEST_ID else None)
+    bus.tap(lambda frame, sent: frames.append(frame.data) if sent and frame.can_id == LSS_REQUEST_ID else None)
     assert found(bus) == [(address, True) for address in sorted(map(address_of, nodes))]
     # behind each node that was found one question tells whether it answers what none can
     needed = len(nodes) * NEEDED + 1 + len(nodes) - 1
@@ -103,7 +104,7 @@ def test_one_bad_answer_spoils_nothing(what: str, number: int) -> None:
 def test_a_bus_that_answers_everything_is_no_node() -> None:
     bus = LossyBus([], lambda _number, frame: [(0.0, frame)])
     yes = Frame(0x7E4, bytes([IDENTIFIED]).ljust(8, b"\0"))
-    bus.tap(lambda frame, sent: bus.nodes_said(yes) if sent and frame.can_id == REQUEST_ID else None)
+    bus.tap(lambda frame, sent: bus.nodes_said(yes) if sent and frame.can_id == LSS_REQUEST_ID else None)
     assert [confirmed for _, confirmed in _all_or_nothing(bus)] in ([], [False])
 
 
@@ -139,7 +140,7 @@ def _state_after(bus: VirtualTimeBus, address: LssAddress) -> str:
 
 def test_several_that_are_configured_are_refused() -> None:
     bus = VirtualTimeBus([unconfigured(1), unconfigured(2)], simulated=False)
-    bus.send(Frame(REQUEST_ID, bytes([0x04, 1]).ljust(8, b"\0")))
+    bus.send(Frame(LSS_REQUEST_ID, bytes([0x04, 1]).ljust(8, b"\0")))
     with LssMaster(bus) as master, pytest.raises(DeviceRefused, match="several nodes"):
         master.inquire()
 

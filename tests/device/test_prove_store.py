@@ -12,8 +12,9 @@ from dvtcli.device.node import Node
 from dvtcli.device.store.canary import choose_canary
 from dvtcli.device.store.prove_restore import prove_restore, restart_and_read
 from dvtcli.device.store.prove_store import Restart, Snapshot, prepare_proof, prove_store
-from dvtcli.device.store.store_parameters import RESTORE, STORE, StoreAnswer
+from dvtcli.device.store.store_parameters import StoreAnswer
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.domain.store import POWER, RESET_NODE, Proof
@@ -23,7 +24,7 @@ from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile
 
 TPDO1 = Pdo.parse("tpdo1")
 HEARTBEAT = (0x1017, 0)
-STORED = StoreAnswer(STORE, 1, 0.0, 1)
+STORED = StoreAnswer(STORE_PARAMETERS, 1, 0.0, 1)
 
 
 class Bench:
@@ -36,7 +37,7 @@ class Bench:
         self.node.sdo.download(0x1800, 1, word.to_bytes(4, "little"))
 
     def store(self) -> None:
-        self.node.sdo.download(STORE, 1, b"save")
+        self.node.sdo.download(STORE_PARAMETERS, 1, b"save")
 
     def reset(self) -> None:
         self.bus.send_nmt(NmtCommand.RESET_NODE, NODE)
@@ -177,5 +178,7 @@ def test_a_restore_without_a_file_says_what_would_prove_it(group: int, hint: str
     bench = Bench()
     bench.node.dictionary = None
     before = Snapshot.now(bench.node)
-    proof = prove_restore(bench.node, StoreAnswer(RESTORE, group, 0.0), bench.restart(bench.keep_ram), before)
+    proof = prove_restore(
+        bench.node, StoreAnswer(RESTORE_PARAMETERS, group, 0.0), bench.restart(bench.keep_ram), before
+    )
     assert (proof.holds, typed(proof.hint)) == (False, hint)

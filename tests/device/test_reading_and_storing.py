@@ -11,8 +11,9 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.read_pdos import exists, read_pdo
 from dvtcli.device.resets import reset_and_wait
-from dvtcli.device.store.store_parameters import RESTORE, STORE, write_signature
+from dvtcli.device.store.store_parameters import write_signature
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted, SdoProtocolError
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, profile
@@ -119,11 +120,11 @@ def test_a_store_survives_a_reset_and_an_unstored_change_does_not(family: str) -
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == raw
     bus.sdo(NODE).download(0x1800, 2, b"\x0a")
-    done = write_signature(reached, profile(family).store, STORE, None, Cancellation())
-    assert done.index == STORE
+    done = write_signature(reached, profile(family).store, STORE_PARAMETERS, None, Cancellation())
+    assert done.index == STORE_PARAMETERS
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == b"\x0a"
-    write_signature(reached, profile(family).store, RESTORE, None, Cancellation())
+    write_signature(reached, profile(family).store, RESTORE_PARAMETERS, None, Cancellation())
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == raw
 
@@ -131,11 +132,11 @@ def test_a_store_survives_a_reset_and_an_unstored_change_does_not(family: str) -
 def test_a_device_without_0x1010_cannot_store() -> None:
     reached, bus = access("roboteq")
     with pytest.raises(DeviceRefused) as caught:
-        write_signature(reached, profile("roboteq").store, STORE, None, Cancellation())
+        write_signature(reached, profile("roboteq").store, STORE_PARAMETERS, None, Cancellation())
     assert "cannot store" in caught.value.text
     assert "2017" in typed(caught.value.hint)
     with pytest.raises(DeviceRefused) as other:
-        write_signature(reached, profile("roboteq").store, RESTORE, None, Cancellation())
+        write_signature(reached, profile("roboteq").store, RESTORE_PARAMETERS, None, Cancellation())
     assert "2017" not in typed(other.value.hint)
     assert isinstance(bus.channel, DirectSdo)
     assert bus.channel.writes == []
@@ -144,9 +145,9 @@ def test_a_device_without_0x1010_cannot_store() -> None:
 @pytest.mark.parametrize(("capability", "text"), [(2, "by itself"), (0, "does not store on command")])
 def test_what_does_not_store_on_command_is_said(capability: int, text: str) -> None:
     reached, bus = access("generic")
-    bus.device.set_value(STORE, 1, capability.to_bytes(4, "little"))
+    bus.device.set_value(STORE_PARAMETERS, 1, capability.to_bytes(4, "little"))
     with pytest.raises(DeviceRefused) as caught:
-        write_signature(reached, profile("generic").store, STORE, None, Cancellation())
+        write_signature(reached, profile("generic").store, STORE_PARAMETERS, None, Cancellation())
     assert text in (caught.value.why or "")
 
 
@@ -154,7 +155,7 @@ def test_a_broken_memory_is_a_refusal_with_its_code() -> None:
     reached, bus = access("generic")
     bus.device.areas.fails = True
     with pytest.raises(DeviceRefused) as caught:
-        write_signature(reached, profile("generic").store, STORE, None, Cancellation())
+        write_signature(reached, profile("generic").store, STORE_PARAMETERS, None, Cancellation())
     assert caught.value.abort == 0x06060000
     assert "memory" in typed(caught.value.hint)
 
@@ -163,7 +164,7 @@ def test_a_store_in_the_wrong_state_gives_the_device_s_reason() -> None:
     reached, bus = access("gen4")
     bus.device.nmt(NmtCommand.START)
     with pytest.raises(DeviceRefused) as caught:
-        write_signature(reached, profile("gen4").store, STORE, None, Cancellation())
+        write_signature(reached, profile("gen4").store, STORE_PARAMETERS, None, Cancellation())
     assert caught.value.abort == 0x08000000
     assert "4" in (caught.value.why or "")
     assert "not pre-operational" in (caught.value.why or "")

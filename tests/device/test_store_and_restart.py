@@ -7,8 +7,9 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
-from dvtcli.device.store.store_parameters import STORE, write_signature
+from dvtcli.device.store.store_parameters import write_signature
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import Interrupted, NoAnswer
@@ -27,7 +28,7 @@ def test_a_boot_up_ends_the_waiting(fault: str, longest_s: float) -> None:
     bus.sleep(1)  # its heartbeat says so
     before_s = bus.now_s()
     with pytest.raises(NoAnswer) as caught:
-        write_signature(NodeAccess(bus, NODE, profile("generic")), policy, STORE, None, Cancellation())
+        write_signature(NodeAccess(bus, NODE, profile("generic")), policy, STORE_PARAMETERS, None, Cancellation())
     waited_s = bus.now_s() - before_s
     assert waited_s < longest_s
     assert (waited_s >= policy.timeout_s) is (fault != "reset@1=0.3"), "a slow store has its time"
@@ -45,7 +46,9 @@ def test_a_second_ctrl_c_leaves_the_store_to_the_device() -> None:
     cancellation.exit_code = 143
     faulty = FaultySdo(DirectSdo(device), interrupt_after, 1)
     with pytest.raises(Interrupted) as caught:
-        write_signature(NodeAccess(DirectBus(device, faulty), NODE, GENERIC), GENERIC.store, STORE, None, cancellation)
+        write_signature(
+            NodeAccess(DirectBus(device, faulty), NODE, GENERIC), GENERIC.store, STORE_PARAMETERS, None, cancellation
+        )
     assert (caught.value.exit_code, caught.value.state) == (143, "unknown")
     assert typed(caught.value.hint) == "it may still be writing its memory: leave it powered, then `store` again"
 
@@ -65,6 +68,10 @@ def test_an_answer_that_comes_soon_after_a_boot_up_counts() -> None:
     device.boot_up()
     device.bus = VirtualTimeBus([device], faults=[Fault.parse("late@1=0.4")])
     signed = write_signature(
-        NodeAccess(device.bus, NODE, profile("generic")), profile("generic").store, STORE, None, Cancellation()
+        NodeAccess(device.bus, NODE, profile("generic")),
+        profile("generic").store,
+        STORE_PARAMETERS,
+        None,
+        Cancellation(),
     )
     assert 0.4 <= signed.seconds < 1.0

@@ -10,8 +10,9 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_identity, service_ids
-from dvtcli.device.store.store_parameters import RESTORE, STORE, write_signature
+from dvtcli.device.store.store_parameters import write_signature
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.errors import DeviceRefused, SdoAborted
 from tests.device.test_reading_and_storing import Table
@@ -45,7 +46,9 @@ def access(memory: Memory) -> NodeAccess:
     return NodeAccess(DirectBus(booted(), memory), NODE, GENERIC)
 
 
-def refusal(memory: Memory, index: int = STORE, sub_index: int | None = None, **policy: object) -> DeviceRefused:
+def refusal(
+    memory: Memory, index: int = STORE_PARAMETERS, sub_index: int | None = None, **policy: object
+) -> DeviceRefused:
     with pytest.raises(DeviceRefused) as caught:
         write_signature(access(memory), StorePolicy(**policy), index, sub_index, Cancellation())  # type: ignore[arg-type]
     assert memory.taken == []
@@ -53,33 +56,33 @@ def refusal(memory: Memory, index: int = STORE, sub_index: int | None = None, **
 
 
 def test_the_first_sub_index_that_there_is_takes_it_or_the_one_that_is_named() -> None:
-    memory = Memory({(STORE, 3): b"\1\0\0\0", (STORE, 1): b"\3\0\0\0"})
+    memory = Memory({(STORE_PARAMETERS, 3): b"\1\0\0\0", (STORE_PARAMETERS, 1): b"\3\0\0\0"})
     policy = StorePolicy(sub_indices=(2, 3, 1))
-    done = write_signature(access(memory), policy, STORE, None, Cancellation())
+    done = write_signature(access(memory), policy, STORE_PARAMETERS, None, Cancellation())
     assert (done.place, done.capability) == ("1010:03", 1)
-    assert write_signature(access(memory), policy, STORE, 1, Cancellation()).capability == 3
-    assert memory.taken == [(STORE, 3, b"save"), (STORE, 1, b"save")]
+    assert write_signature(access(memory), policy, STORE_PARAMETERS, 1, Cancellation()).capability == 3
+    assert memory.taken == [(STORE_PARAMETERS, 3, b"save"), (STORE_PARAMETERS, 1, b"save")]
 
 
 def test_one_that_only_takes_values_is_believed_to() -> None:
-    memory = Memory({}, hidden={(RESTORE, 1): int(Abort.WRITE_ONLY)})
-    assert write_signature(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability is None
-    assert memory.taken == [(RESTORE, 1, b"load")]
-    other = Memory({}, hidden={(RESTORE, 1): int(Abort.GENERAL)})
+    memory = Memory({}, hidden={(RESTORE_PARAMETERS, 1): int(Abort.WRITE_ONLY)})
+    assert write_signature(access(memory), StorePolicy(), RESTORE_PARAMETERS, None, Cancellation()).capability is None
+    assert memory.taken == [(RESTORE_PARAMETERS, 1, b"load")]
+    other = Memory({}, hidden={(RESTORE_PARAMETERS, 1): int(Abort.GENERAL)})
     with pytest.raises(SdoAborted):
-        write_signature(access(other), StorePolicy(), RESTORE, None, Cancellation())
+        write_signature(access(other), StorePolicy(), RESTORE_PARAMETERS, None, Cancellation())
 
 
 def test_a_restore_asks_for_no_capability() -> None:
-    memory = Memory({(RESTORE, 1): bytes(4)})
-    assert write_signature(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability == 0
+    memory = Memory({(RESTORE_PARAMETERS, 1): bytes(4)})
+    assert write_signature(access(memory), StorePolicy(), RESTORE_PARAMETERS, None, Cancellation()).capability == 0
 
 
 @pytest.mark.parametrize(
     ("index", "why", "hint"),
     [
-        (STORE, "it has no 0x1010:01", "see its manual for storing settings"),
-        (RESTORE, "it has no 0x1011:01", "see its manual for restoring defaults"),
+        (STORE_PARAMETERS, "it has no 0x1010:01", "see its manual for storing settings"),
+        (RESTORE_PARAMETERS, "it has no 0x1011:01", "see its manual for restoring defaults"),
     ],
 )
 def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: str) -> None:
@@ -98,13 +101,13 @@ def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: st
     ],
 )
 def test_a_device_that_stores_otherwise_says_so(capability: int, why: str, hint: str) -> None:
-    error = refusal(Memory({(STORE, 1): capability.to_bytes(4, "little")}))
+    error = refusal(Memory({(STORE_PARAMETERS, 1): capability.to_bytes(4, "little")}))
     assert (error.why, typed(error.hint), error.abort) == (why, hint, None)
 
 
 def test_what_it_has_instead_is_said_of_a_group_too() -> None:
-    have = Memory({(STORE, 1): b"\1\0\0\0", (RESTORE, 1): b"\1\0\0\0"})
-    for index, word in ((STORE, "store"), (RESTORE, "restore")):
+    have = Memory({(STORE_PARAMETERS, 1): b"\1\0\0\0", (RESTORE_PARAMETERS, 1): b"\1\0\0\0"})
+    for index, word in ((STORE_PARAMETERS, "store"), (RESTORE_PARAMETERS, "restore")):
         error = refusal(have, index, 2)
         assert error.text == f"this device cannot {word} that group alone"
         assert typed(error.hint) == f"`{word}` alone takes what it has (0x{index:04X}:01)"
@@ -123,7 +126,7 @@ def test_what_it_has_instead_is_said_of_a_group_too() -> None:
     ],
 )
 def test_a_refusal_says_what_to_do_and_what_is_certain(code: Abort, hint: str | None, state: str) -> None:
-    error = refusal(Memory({(STORE, 1): b"\1\0\0\0"}, refuses=int(code)))
+    error = refusal(Memory({(STORE_PARAMETERS, 1): b"\1\0\0\0"}, refuses=int(code)))
     assert (error.text, error.place, error.abort) == (f"node {NODE} refused to store", "1010:01", code)
     assert (typed(error.hint) or None, error.state) == (hint, state)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.plan import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, order_of_dependent_values
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME
+from dvtcli.domain.plan import Step, order_of_dependent_values
 
 PRODUCES, CONSUMES, OFF = 1 << 30, 1 << 31, 1 << 31
 
@@ -16,15 +17,15 @@ def step(index: int, before: int, after: int, sub_index: int = 0) -> Step:
 @pytest.mark.parametrize(
     ("index", "sub_index", "held", "wanted", "written"),
     [
-        (TIME_COB_ID, 0, CONSUMES | 0x100, CONSUMES | 0x101, [0x100, CONSUMES | 0x101]),
-        (TIME_COB_ID, 0, PRODUCES | 0x100, PRODUCES | 0x101, [0x100, PRODUCES | 0x101]),
-        (TIME_COB_ID, 0, PRODUCES | CONSUMES | 0x100, 0x101, [0x100, 0x101]),
-        (TIME_COB_ID, 0, CONSUMES | 0x100, PRODUCES | 0x100, [PRODUCES | 0x100]),
-        (TIME_COB_ID, 0, 0x100, 0x101, [0x101]),
-        (SYNC_COB_ID, 0, PRODUCES | 0x080, PRODUCES | 0x081, [0x080, PRODUCES | 0x081]),
-        (SYNC_COB_ID, 0, 0x080, PRODUCES | 0x081, [PRODUCES | 0x081]),
-        (EMCY_COB_ID, 0, 0x085, 0x086, [OFF | 0x085, 0x086]),
-        (EMCY_COB_ID, 0, OFF | 0x085, 0x086, [0x086]),
+        (COB_ID_TIME, 0, CONSUMES | 0x100, CONSUMES | 0x101, [0x100, CONSUMES | 0x101]),
+        (COB_ID_TIME, 0, PRODUCES | 0x100, PRODUCES | 0x101, [0x100, PRODUCES | 0x101]),
+        (COB_ID_TIME, 0, PRODUCES | CONSUMES | 0x100, 0x101, [0x100, 0x101]),
+        (COB_ID_TIME, 0, CONSUMES | 0x100, PRODUCES | 0x100, [PRODUCES | 0x100]),
+        (COB_ID_TIME, 0, 0x100, 0x101, [0x101]),
+        (COB_ID_SYNC, 0, PRODUCES | 0x080, PRODUCES | 0x081, [0x080, PRODUCES | 0x081]),
+        (COB_ID_SYNC, 0, 0x080, PRODUCES | 0x081, [PRODUCES | 0x081]),
+        (COB_ID_EMCY, 0, 0x085, 0x086, [OFF | 0x085, 0x086]),
+        (COB_ID_EMCY, 0, OFF | 0x085, 0x086, [0x086]),
         (0x1201, 1, 0x610, 0x611, [OFF | 0x610, 0x611]),
         (0x1201, 2, 0x590, OFF | 0x590, [OFF | 0x590]),
     ],

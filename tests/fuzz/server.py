@@ -14,7 +14,8 @@ from threading import Lock
 
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.client import SdoChannel, StrictSdoClient
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
+from dvtcli.bus.sdo.sdo_link import Inbox, SdoSettings
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
 
 NODE, INDEX, SUB_INDEX = 5, 0x1A00, 1
@@ -44,7 +45,7 @@ class HostileLink:
     most_requests: int = 400
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
-        assert can_id == REQUEST_ID + NODE
+        assert can_id == SDO_REQUEST_BASE + NODE
         assert len(data) == 8
         self.asked.append((self.now, data))
         if data[0] >> 5 == 4 or len(self.asked) > self.most_requests:
@@ -97,7 +98,7 @@ class HostileLink:
         self.now = max(self.now, due_s)
         self.received.append((due_s, frame))
         assert self.client is not None
-        self.client.receive(ANSWER_ID + NODE, frame, extended=False)
+        self.client.receive(SDO_RESPONSE_BASE + NODE, frame, extended=False)
 
     def _answers(  # noqa: C901, PLR0911 - a table of moves
         self, request: bytes, move: int, shape: int

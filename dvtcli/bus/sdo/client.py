@@ -9,10 +9,8 @@ from struct import Struct
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
-
-#: consumer heartbeat times (CiA 301, 7.5.2.19)
-_HEARTBEAT_CONSUMERS = 0x1016
 
 
 class SdoChannel:
@@ -40,7 +38,7 @@ class SdoChannel:
         try:
             self._limit(timeout_s, retries)
             data = client.upload(index, sub_index)
-            if index == _HEARTBEAT_CONSUMERS:
+            if index == CONSUMER_HEARTBEAT:
                 self._note_consumer(sub_index, data)
             return data
         finally:
@@ -63,7 +61,7 @@ class SdoChannel:
                 error.state = "unknown"
             raise
         else:
-            if index == _HEARTBEAT_CONSUMERS:
+            if index == CONSUMER_HEARTBEAT:
                 self._note_consumer(sub_index, data)
         finally:
             link.end_transfer(self._turn)

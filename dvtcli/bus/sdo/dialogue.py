@@ -12,8 +12,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dvtcli.bus.receiver import Wake
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
+from dvtcli.bus.sdo.sdo_link import RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import (
     BusUnavailable,
@@ -122,7 +123,7 @@ class Dialogue:
 
     def __init__(self, node_id: int, link: SdoLink, settings: SdoSettings) -> None:
         self.node_id = node_id
-        self.rx_cobid, self.tx_cobid = REQUEST_ID + node_id, ANSWER_ID + node_id
+        self.rx_cobid, self.tx_cobid = SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id
         self.settings = settings
         self.timeout_s = settings.timeout_s
         self.retries = settings.retries

@@ -10,10 +10,6 @@ from typing import Protocol
 
 from dvtcli.bus.receiver import Wake
 
-#: CAN-IDs of the default SDO channel, to which the node-ID is added (CiA 301, 7.3.5)
-REQUEST_ID = 0x600
-ANSWER_ID = 0x580
-
 #: SDO time-out (s), and repetitions of a read's first request after it
 DEFAULT_TIMEOUT_S = 0.5
 DEFAULT_RETRIES = 1

@@ -10,8 +10,8 @@ from json import dumps
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.network.received_traffic import LastFrames
 from dvtcli.domain.nmt import NmtState
@@ -235,7 +235,7 @@ class Life:
         if self._load is not None:
             self._load.add(frame, now_s)
         self.frames.take(frame, now_s)
-        if not sent or frame.can_id & ~0x7F != HEARTBEAT:  # one that we send is not a node's
+        if not sent or frame.can_id & ~0x7F != HEARTBEAT_BASE:  # one that we send is not a node's
             self._heartbeats.take(frame, now_s)
 
     def _on_event(self, event: NodeEvent) -> None:

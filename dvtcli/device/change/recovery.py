@@ -21,7 +21,8 @@ from dvtcli.device.target_config import differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.no_way_back import restarted_finding
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.store import DATE, TIME
@@ -277,7 +278,7 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
     if held.is_own and not any(map(is_stamp, back.changes)):
         return others  # nothing covered by the stamp changes
     ends = (
-        Step(STAMP, sub_index, bytes(4), held.data(sub_index), "a stamp is not rolled back")
+        Step(VERIFY_CONFIGURATION, sub_index, bytes(4), held.data(sub_index), "a stamp is not rolled back")
         for sub_index in (DATE, TIME)
     )
     return (*others, *map(ValueChange, ends))

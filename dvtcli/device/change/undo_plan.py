@@ -10,8 +10,9 @@ from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.target_config import TargetConfig, config_differences, differences
 from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, altering, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, altering, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.store import DATE, TIME, is_own_date
@@ -160,7 +161,9 @@ def _stamp_ended(
 ) -> tuple[Change, ...]:
     """*put_back*, preceded by the removal of our stamp and without its return; *values* are the changed values."""
     others = tuple(change for change in put_back if not is_stamp(change))
-    before = {at[1]: step.before for at, step in values.items() if at[0] == STAMP and step.before is not None}
+    before = {
+        at[1]: step.before for at, step in values.items() if at[0] == VERIFY_CONFIGURATION and step.before is not None
+    }
     if not (others or before):
         return ()
     ended = stamp_back(node, others, before)
@@ -241,10 +244,10 @@ def _wish(changes: Iterable[Change], *, before: bool) -> TargetConfig:
         step = change.step
         if step.before is not None and Pdo.at(step.index) is None:
             target.values[step.index, step.sub_index] = step.before if before else step.after
-        own = own or ((step.index, step.sub_index) == (STAMP, DATE) and _is_own_date(step))
+        own = own or ((step.index, step.sub_index) == (VERIFY_CONFIGURATION, DATE) and _is_own_date(step))
     if own:
         for sub_index in (DATE, TIME):
-            target.values.pop((STAMP, sub_index), None)
+            target.values.pop((VERIFY_CONFIGURATION, sub_index), None)
     return target
 
 

@@ -25,11 +25,11 @@ from dvtcli.domain.learning.probe import (
 )
 from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.plan import (
     EVENT_TIMER,
     INHIBIT_TIME,
-    STAMP,
     SYNC_START,
     TRANSMISSION_TYPE,
     Change,
@@ -99,7 +99,7 @@ def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
         return
     for sub_index in (DATE, TIME):
         data = stamp.data(sub_index)
-        yield ValueChange(Step(STAMP, sub_index, data, data, "old value"))
+        yield ValueChange(Step(VERIFY_CONFIGURATION, sub_index, data, data, "old value"))
 
 
 def ask_safely(

@@ -13,6 +13,7 @@ from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.read_pdos import ABSENT, read_number
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.learning.probe import ACCEPTED, Learnt, Probe, ProbeAnswer, ProbeCondition, ProbeWrite, Stand
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
@@ -43,8 +44,8 @@ class SignatureAnswers:
 
 def read_storage(node: ReadableNode) -> Storage:
     """The content of 0x1010 and 0x1011 of *node*; writes nothing."""
-    save, unreadable = _capabilities(node, STORE)
-    load, _ = _capabilities(node, RESTORE)
+    save, unreadable = _capabilities(node, STORE_PARAMETERS)
+    load, _ = _capabilities(node, RESTORE_PARAMETERS)
     return Storage(save, load, unreadable)
 
 
@@ -100,7 +101,6 @@ def _asked(node: ReadableNode, probe: Probe) -> ProbeAnswer:
     return ProbeAnswer(probe, code)
 
 
-STORE, RESTORE = 0x1010, 0x1011
 #: Bits of 0x1010:s: saves on command, saves by itself.
 _ON_COMMAND, _BY_ITSELF = 1, 2
 _SIGNATURE, _WRONG_SIGNATURE = b"save", bytes(4)
@@ -143,7 +143,7 @@ class Storage:
         if sub is None:
             return []
         return [
-            Probe(None, name, sense, Stand.BACK, (ProbeWrite(STORE, sub, data),), where=ProbeCondition.STORE)
+            Probe(None, name, sense, Stand.BACK, (ProbeWrite(STORE_PARAMETERS, sub, data),), where=ProbeCondition.STORE)
             for name, sense, data in (
                 (WRONG_SIGNATURE, "a wrong signature is accepted", _WRONG_SIGNATURE),
                 (SAVE, 'it stores on request ("save")', _SIGNATURE),
@@ -172,7 +172,10 @@ def storage_for_profile(
 
 def storage_for_family(storage: Storage, answers: Sequence[ProbeAnswer]) -> Iterator[Learnt]:
     """A simulated device's capability values, and its answers to signatures."""
-    for key, index, said in (("store_capability", STORE, storage.save), ("restore_capability", RESTORE, storage.load)):
+    for key, index, said in (
+        ("store_capability", STORE_PARAMETERS, storage.save),
+        ("restore_capability", RESTORE_PARAMETERS, storage.load),
+    ):
         if said:
             evidence = ", ".join(f"0x{index:04X}:{sub:02X} is {value}" for sub, value in said.items())
             yield Learnt(key, next(iter(said.values())), evidence)

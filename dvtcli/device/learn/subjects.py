@@ -15,6 +15,7 @@ from dvtcli.domain.learning.probe import Features, ProbedPdo
 from dvtcli.domain.learning.probe_table import OTHER_WAY
 from dvtcli.domain.learning.read_dictionary import TO_READ, Absence, ReadDevice, listed
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.objects import IDENTITY, PRODUCER_HEARTBEAT
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_ENTRIES, Direction, Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.rules import Proposal
 from dvtcli.domain.rules.can_id import FREE_POOL
@@ -36,8 +37,8 @@ _SYNC_START = 6
 #: What is asked of a device without a file as an object that is not mappable: its vendor-ID, and its heartbeat's time,
 #: whose access is for this direction (CiA 301, 7.5.2.20 and 7.5.2.21).
 _STANDARD_UNMAPPABLE = {
-    Direction.TPDO: PdoMappingEntry(0x1018, 1, 32),
-    Direction.RPDO: PdoMappingEntry(0x1017, 0, 16),
+    Direction.TPDO: PdoMappingEntry(IDENTITY, 1, 32),
+    Direction.RPDO: PdoMappingEntry(PRODUCER_HEARTBEAT, 0, 16),
 }
 
 

@@ -15,6 +15,7 @@ from dvtcli.device.raw_write import raw_write_findings
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import GUARD_TIME, LIFE_TIME_FACTOR, PRODUCER_HEARTBEAT
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 _TRIES = 3
 #: How many are tried of all that is left then.
 _MOST_BESIDE = 8
-_HEARTBEAT, _GUARD_TIME, _LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
 #: A heartbeat where there was none is slow, so that it does no harm where it has to stay (ms).
 _SLOW_HEARTBEAT_MS = 60_000
 #: What may be changed of a PDO that is not on the bus, in order: field, sub-index, values to choose from beside the
@@ -157,14 +157,14 @@ def places_beside(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator
     A heartbeat 1 ms faster, an entry of an empty mapping, a TPDO's event timer, disabling a PDO or changing the
     transmission type (both only while no PDO is sent), and a slow heartbeat if there was none.
     """
-    heartbeat = _number(node, _HEARTBEAT)
+    heartbeat = _number(node, PRODUCER_HEARTBEAT)
     if heartbeat:
         yield from _heartbeats(node, heartbeat, heartbeat - 1 if heartbeat > 1 else heartbeat + 1)
     for pdo, config in pdos.items():
         if _is_off(config) and not config.count and node.profile.store.needed_for(pdo.mapping_index):
             yield from _unused_entries(node, pdo, pdos)
     yield from _places_of_enabled(node, pdos)
-    if heartbeat == 0 and not (_number(node, _GUARD_TIME) and _number(node, _LIFE_TIME_FACTOR)):
+    if heartbeat == 0 and not (_number(node, GUARD_TIME) and _number(node, LIFE_TIME_FACTOR)):
         yield from _heartbeats(node, 0, _SLOW_HEARTBEAT_MS)
 
 
@@ -188,8 +188,10 @@ def _number(node: ReadableNode, index: int) -> int | None:
 
 def _heartbeats(node: ReadableNode, held: int, put: int) -> Iterator[CanaryObject]:
     before, after = (value.to_bytes(2, "little") for value in (held, put))
-    if node.profile.store.needed_for(_HEARTBEAT) and not errors_in(raw_write_findings(node, _HEARTBEAT, 0, after)):
-        yield CanaryObject(Step(_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
+    if node.profile.store.needed_for(PRODUCER_HEARTBEAT) and not errors_in(
+        raw_write_findings(node, PRODUCER_HEARTBEAT, 0, after)
+    ):
+        yield CanaryObject(Step(PRODUCER_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
 
 
 def _unused_entries(node: ReadableNode, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:

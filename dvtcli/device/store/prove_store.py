@@ -15,10 +15,11 @@ from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.resets import return_to
 from dvtcli.device.store.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.store.store_parameters import STORE, StoreAnswer, chosen, word_of
+from dvtcli.device.store.store_parameters import StoreAnswer, chosen, word_of
 from dvtcli.device.target_config import ValueFormatter, value_differences, value_in_hex
 from dvtcli.device.target_config import differences as pdo_differences
 from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange, plan_pdo
 from dvtcli.domain.profile import ObjectAddress
@@ -170,8 +171,8 @@ def refuse_unprovable(node: ReadableNode, sub_index: int | None, *, certain: boo
 
     *certain* stands for a power cycle. Uses known facts only; writes nothing and reads no configuration.
     """
-    where, capability = chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
-    answer = StoreAnswer(STORE, where, 0.0, capability)
+    where, capability = chosen(node.access, node.profile.store, STORE_PARAMETERS, sub_index, node.dictionary)
+    answer = StoreAnswer(STORE_PARAMETERS, where, 0.0, capability)
     if uncovered := uncovered_group(where):
         raise _unprovable(node, uncovered, _ALL)
     if (by_itself := _saves_itself(answer)) and not certain:

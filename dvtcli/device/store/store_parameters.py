@@ -11,12 +11,12 @@ from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
 from dvtcli.errors import BusUnavailable, DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
-STORE, RESTORE = 0x1010, 0x1011
-SIGNATURES = {STORE: b"save", RESTORE: b"load"}
+SIGNATURES = {STORE_PARAMETERS: b"save", RESTORE_PARAMETERS: b"load"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +71,10 @@ def write_signature(
         silent.hint = _again(index, "it may still be writing; wait, then {} again")
         if access.bus.boot_ups(access.node_id) != boot_ups:
             silent.hint = _again(index, "it restarted instead; {} again")
-            if index == STORE:
-                silent.hint = _again(STORE, "it restarted instead: unstored values are lost; set them again, then {}")
+            if index == STORE_PARAMETERS:
+                silent.hint = _again(
+                    STORE_PARAMETERS, "it restarted instead: unstored values are lost; set them again, then {}"
+                )
             from dvtcli.device.resets import return_to
 
             return_to(access, found)
@@ -108,12 +110,12 @@ def _unanswered(gone: BusUnavailable, index: int) -> BusUnavailable:
 
 
 def _again(index: int, why: str) -> Hint:
-    return Hint(Action.STORE if index == STORE else Action.RESTORE, why=why)
+    return Hint(Action.STORE if index == STORE_PARAMETERS else Action.RESTORE, why=why)
 
 
 def word_of(index: int) -> str:
     """The command that signs the object at *index*: store or restore."""
-    return "store" if index == STORE else "restore"
+    return "store" if index == STORE_PARAMETERS else "restore"
 
 
 def _choose(
@@ -130,11 +132,11 @@ def _choose(
             if aborted.code == Abort.WRITE_ONLY:
                 return candidate, None
             raise
-        if index == STORE and not capability & 1:
+        if index == STORE_PARAMETERS and not capability & 1:
             raise _cannot(node_id, index, candidate, capability)
         return candidate, capability
     error = _cannot(node_id, index, wanted[0] if wanted else 1, None)
-    if index == STORE and policy.instead:
+    if index == STORE_PARAMETERS and policy.instead:
         error.hint = policy.instead
     elif sub_index is not None and policy.sub_indices and sub_index not in policy.sub_indices:
         error.text = f"this device cannot {word_of(index)} that group alone"
@@ -148,7 +150,7 @@ def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: in
         return
     place = f"{index:04X}:{sub_index:02X}"
     raise DeviceRefused(
-        f"this device cannot {'store' if index == STORE else 'restore its defaults'}",
+        f"this device cannot {'store' if index == STORE_PARAMETERS else 'restore its defaults'}",
         node=node_id,
         place=place,
         why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it accepts no signature",
@@ -160,10 +162,10 @@ def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: in
 
 
 def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) -> DeviceRefused:
-    verb = "store" if index == STORE else "restore its defaults"
+    verb = "store" if index == STORE_PARAMETERS else "restore its defaults"
     place = f"{index:04X}:{sub_index:02X}"
     if capability is None:
-        keeps = "storing settings" if index == STORE else "restoring defaults"
+        keeps = "storing settings" if index == STORE_PARAMETERS else "restoring defaults"
         why, hint = f"it has no 0x{place}", f"see its manual for {keeps}"
     elif capability & 2:
         why, hint = f"0x{place} is {capability}: it stores changes by itself", "nothing to do"

@@ -14,6 +14,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BOOLEAN, DATA_TYPES, U8, DataType, Kind
 from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import COB_ID_EMCY, IDENTITY, RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, PdoMappingEntry, is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
@@ -135,7 +136,6 @@ def absent_for_family(absences: Collection[Absence]) -> Iterator[Learnt]:
 
 #: COB-IDs of the predefined connection set follow the node-ID (CiA 301, 7.3.5).
 _FUNCTIONS = (0x080, *range(0x180, 0x580, 0x80))
-_EMCY = 0x1014
 _NODE_IDS = 0x7F
 #: Names of 0x1000 to 0x1FFF in a generated file.
 _NAMES = {
@@ -144,7 +144,7 @@ _NAMES = {
     0x100A: "Manufacturer software version", 0x1010: "Store parameters", 0x1011: "Restore default parameters",
     0x1014: "COB-ID EMCY", 0x1017: "Producer heartbeat time", 0x1018: "Identity object",
 }  # fmt: skip
-_LISTS = (0x1010, 0x1011, 0x1018)
+_LISTS = (STORE_PARAMETERS, RESTORE_PARAMETERS, IDENTITY)
 #: Objects to read among them; sub-indices of arrays and records up to 4.
 TO_READ = tuple((index, sub) for index in _NAMES for sub in (range(1, 5) if index in _LISTS else (0,)))
 
@@ -201,7 +201,7 @@ def _standard(read: ReadDevice) -> Iterator[OdEntry]:
         known = standard_entry(index, sub_index)
         if known is not None and (known.data_type.size in (None, len(data))):
             name = _NAMES[index] if standard_object_type(index) is ObjectType.VAR else f"Sub-index {sub_index}"
-            follows = read.node_id if index == _EMCY else 0
+            follows = read.node_id if index == COB_ID_EMCY else 0
             yield _held(index, sub_index, name, known.data_type, known.access or Access.RW, data, follows)
 
 

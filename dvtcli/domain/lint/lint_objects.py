@@ -9,6 +9,7 @@ from dvtcli.domain.datatypes import U8, Kind
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject, normalised
+from dvtcli.domain.objects import ERROR_FIELD, MODULE_LIST, RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import MAX_PDO_BITS
 from dvtcli.domain.rules.communication import leave_a_choice
 from dvtcli.domain.standard_objects import is_pdo_mapping, must_not_be_mapped
@@ -16,8 +17,6 @@ from dvtcli.domain.standard_objects import is_pdo_mapping, must_not_be_mapped
 _SHAPE = "CiA 301, 7.4.3"
 _NAMES = "CiA 306, 4.6.3: ParameterName"
 _STRUCTURE = 0xFF
-#: The pre-defined error field: sub-index 0 is the number of recorded errors (CiA 301, 1003h).
-_ERRORS, _MODULES = 0x1003, 0x1027
 _LONGEST_NAME = 241
 _FLAGS = 0b11
 
@@ -28,7 +27,7 @@ def highest_sub_index(device: DescribedDevice) -> Found:
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
         # A writable count is the number of present entries, not of possible ones: errors, modules, mapped objects.
-        counts = found.index in (_ERRORS, _MODULES) or is_pdo_mapping(found.index)
+        counts = found.index in (ERROR_FIELD, MODULE_LIST) or is_pdo_mapping(found.index)
         if first is None or stated is None or first.access.writable or counts:
             continue
         highest = max(found.entries.keys() - {_STRUCTURE})
@@ -178,7 +177,7 @@ def bits_below_granularity(device: DescribedDevice) -> Found:
 _LIMITS = "CiA 306, 4.6.3: LowLimit, HighLimit"
 _HIGHEST_NODE_ID = 127
 #: Store and restore: the value read (a capability) differs from the value written (a signature).
-_SIGNED = (0x1010, 0x1011)
+_SIGNED = (STORE_PARAMETERS, RESTORE_PARAMETERS)
 
 
 @check("default-outside-limits", ERROR, "DefaultValue is below LowLimit or above HighLimit", _LIMITS)

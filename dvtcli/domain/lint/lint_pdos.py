@@ -11,6 +11,7 @@ from functools import partial
 
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
 from dvtcli.domain.lint.described import HELD, DefaultPdo, DescribedDevice, Found, Spot
+from dvtcli.domain.objects import COB_ID_SYNC
 from dvtcli.domain.pdo import MAX_ENTRIES, is_mpdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import can_id, communication, mapped_object, pdo_mapping
@@ -19,7 +20,6 @@ from dvtcli.domain.rules.finding import Rule
 
 _COMMUNICATION = "CiA 301, 7.5.2.35 and 7.5.2.37"
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
-_SYNC = 0x1005
 _NO_RTR = 1 << 30
 
 
@@ -171,7 +171,7 @@ def cob_id_fixed(device: DescribedDevice) -> Found:
        "CiA 301, 7.5.2.5 and 7.5.2.35")  # fmt: skip
 def synchronous_without_sync(device: DescribedDevice) -> Found:
     """The PDO waits for a SYNC that the device does not support."""
-    if _SYNC in device.dictionary:
+    if COB_ID_SYNC in device.dictionary:
         return
     for pdo in device.pdos:
         kind = pdo.config.communication.transmission_type

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.lint.described import HELD, OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
+from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
+    CYCLE_PERIOD,
+    DEVICE_TYPE,
+    ERROR_REGISTER,
+    GUARD_TIME,
+    IDENTITY,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+    SYNC_OVERFLOW,
+)
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import restricted_use
 from dvtcli.domain.standard_objects import (
@@ -17,8 +31,7 @@ from dvtcli.domain.standard_objects import (
     standard_object_type,
 )
 
-_NAMES = {0x1000: "device type", 0x1001: "error register", 0x1018: "identity object"}
-_HEARTBEAT, _GUARD_TIME, _LIFE_TIME = 0x1017, 0x100C, 0x100D
+_NAMES = {DEVICE_TYPE: "device type", ERROR_REGISTER: "error register", IDENTITY: "identity object"}
 
 
 @check("mandatory-object", ERROR, "0x1000, 0x1001 or 0x1018 is missing", source(0x1000, 0x1001, 0x1018))
@@ -115,14 +128,14 @@ def reserved_index(device: DescribedDevice) -> Found:
        "CiA 301, 7.2.8.2.2")  # fmt: skip
 def no_error_control(device: DescribedDevice) -> Found:
     """A lost node would go unnoticed."""
-    if device.dictionary and _HEARTBEAT not in device.dictionary and _GUARD_TIME not in device.dictionary:
+    if device.dictionary and PRODUCER_HEARTBEAT not in device.dictionary and GUARD_TIME not in device.dictionary:
         yield Spot(section="optionalobjects"), "neither 1017 (heartbeat) nor 100C and 100D (guarding) is described"
 
 
 @check("half-guarding", WARNING, "guard time without life time factor, or the reverse", source(0x100C, 0x100D))
 def half_guarding(device: DescribedDevice) -> Found:
     """Guarding takes both."""
-    for there, missing in ((_GUARD_TIME, _LIFE_TIME), (_LIFE_TIME, _GUARD_TIME)):
+    for there, missing in ((GUARD_TIME, LIFE_TIME_FACTOR), (LIFE_TIME_FACTOR, GUARD_TIME)):
         if there in device.dictionary and missing not in device.dictionary:
             yield Spot(there), f"without {missing:04X}: guarding takes both"
 
@@ -142,10 +155,10 @@ def _object_type(code: int) -> str:
 
 
 #: COB-IDs of services, and their services.
-_SERVICES = {0x1005: "SYNC", 0x1012: "TIME", 0x1014: "EMCY"}
-_SYNC, _PERIOD, _COUNTER, _MOST_COUNTED = 0x1005, 0x1006, 0x1019, 240
+_SERVICES = {COB_ID_SYNC: "SYNC", COB_ID_TIME: "TIME", COB_ID_EMCY: "EMCY"}
+_MOST_COUNTED = 240
 #: Sub-indices of 0x1200 with their pre-defined CAN-ID for node 0.
-_SDO = {1: 0x600, 2: 0x580}
+_SDO = {1: SDO_REQUEST_BASE, 2: SDO_RESPONSE_BASE}
 _DRIVE, _INPUTS_AND_OUTPUTS = 402, 401
 _CONTROLWORD_AND_STATUSWORD = (0x6040, 0x6041)
 _FIRST_PROFILE_INDEX, _LAST_PROFILE_INDEX = 0x6000, 0x67FF
@@ -169,17 +182,17 @@ def service_can_id(device: DescribedDevice) -> Found:
        source(0x1005, 0x1006))  # fmt: skip
 def sync_without_period(device: DescribedDevice) -> Found:
     """The device would never send a SYNC."""
-    number = device.number(_SYNC)
-    if number is not None and number >> 30 & 1 and not device.number(_PERIOD):
-        yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
+    number = device.number(COB_ID_SYNC)
+    if number is not None and number >> 30 & 1 and not device.number(CYCLE_PERIOD):
+        yield Spot(COB_ID_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
 
 
 @check("sync-counter", WARNING, "the default of 0x1019 is 1 or more than 240", source(0x1019))
 def sync_counter(device: DescribedDevice) -> Found:
     """Both are reserved."""
-    number = device.number(_COUNTER)
+    number = device.number(SYNC_OVERFLOW)
     if number is not None and (number == 1 or number > _MOST_COUNTED):
-        yield Spot(_COUNTER, 0, HELD), f"is {number}; the SYNC counter overflows at 2..{_MOST_COUNTED}, or is 0"
+        yield Spot(SYNC_OVERFLOW, 0, HELD), f"is {number}; the SYNC counter overflows at 2..{_MOST_COUNTED}, or is 0"
 
 
 @check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID, or without "

@@ -11,12 +11,20 @@ from dataclasses import dataclass
 
 from dvtcli.domain.cob_id import INVALID_BIT
 from dvtcli.domain.network.network_plan import NodePlan
-from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.objects import (
+    COB_ID_TIME,
+    CONCISE_DCF,
+    CONSUMER_HEARTBEAT,
+    ERROR_BEHAVIOUR,
+    GUARD_TIME,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+)
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Step, ValueChange, mapping_differs
 
 #: Objects that are written before the PDOs, unless `sdo` sets them, in the order of dcfgen.
-BEFORE_PDOS = (0x1016, 0x1012, 0x1017, 0x100C, 0x100D, 0x1029)
+BEFORE_PDOS = (CONSUMER_HEARTBEAT, COB_ID_TIME, PRODUCER_HEARTBEAT, GUARD_TIME, LIFE_TIME_FACTOR, ERROR_BEHAVIOUR)
 
 
 def concise_of(

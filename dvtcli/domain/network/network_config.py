@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import ObjectAddress
 
-_IDENTITY = 0x1018
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _LINKED = re.compile(r"([0-9]+):([rt]pdo[0-9]+)")
 
@@ -161,7 +161,7 @@ class NodeConfig:
     @property
     def marks(self) -> dict[ObjectAddress, Mark]:
         """The requested objects by number, each with its place in the file."""
-        found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
+        found = {(IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
         found |= {(config.index, config.sub_index): config.mark for config in self.objects}
         for value in self.values:
             try:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
 from dvtcli.domain.rules.finding import Finding
 from dvtcli.domain.text import plural
 
@@ -230,7 +231,7 @@ def _ordered(plan: Plan) -> Iterator[Change]:
 
 
 def _is_stamp(change: Change) -> bool:
-    return isinstance(change, ValueChange) and change.step.index == STAMP
+    return isinstance(change, ValueChange) and change.step.index == VERIFY_CONFIGURATION
 
 
 def _stamps(change: Change) -> tuple[ValueChange, ...]:

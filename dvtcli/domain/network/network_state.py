@@ -6,21 +6,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dvtcli.domain.cob_id import OFF, PRODUCES, can_id_text, is_channel_place
+from dvtcli.domain.cob_id import OFF, PRODUCES, SYNC_BY_DEFAULT, can_id_text, is_channel_place
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
+    CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
+    GUARD_TIME,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+)
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.finding import Finding
 
 Identity = Mapping[str, int | None]
 
-SYNC_COB_ID, SYNC_PERIOD, SYNC_WINDOW, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1007, 0x1019
-GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D
-TIME_COB_ID, EMCY_COB_ID, EMCY_INHIBIT = 0x1012, 0x1014, 0x1015
-CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY, ERROR_BEHAVIOUR = 0x1016, 0x1017, 0x1018, 0x1029
-NMT_STARTUP, SLAVE_ASSIGNMENT, REQUEST_NMT, REQUEST_GUARDING, BOOT_TIME = 0x1F80, 0x1F81, 0x1F82, 0x1F83, 0x1F89
-CONCISE_DCF = 0x1F22
 #: The sub-indices of 0x1018 from 1 on, as `Identity` names them.
 IDENTITY_NAMES = ("vendor", "product", "revision", "serial")
 _FRAME = 1 << 29
@@ -70,7 +74,7 @@ class NodeState:
     @property
     def produces_sync(self) -> bool:
         """Whether the node produces SYNC: bit 30 of 0x1005, and a period in 0x1006."""
-        return bool((self.number(SYNC_COB_ID) or 0) & PRODUCES and self.number(SYNC_PERIOD))
+        return bool((self.number(COB_ID_SYNC) or 0) & PRODUCES and self.number(CYCLE_PERIOD))
 
     @property
     def heartbeat_ms(self) -> int:
@@ -96,7 +100,7 @@ class NodeState:
     @property
     def emcy(self) -> Identifier | None:
         """CAN-ID of the node's EMCY, and whether it has 29 bits; None if missing or disabled."""
-        held = self.number(EMCY_COB_ID)
+        held = self.number(COB_ID_EMCY)
         return None if held is None or held & OFF else _identifier(held)
 
     @property
@@ -107,13 +111,13 @@ class NodeState:
     @property
     def sync(self) -> Identifier:
         """CAN-ID of SYNC in this node, 0x080 by default."""
-        held = self.number(SYNC_COB_ID)
-        return (0x080, False) if held is None else _identifier(held)
+        held = self.number(COB_ID_SYNC)
+        return SYNC_BY_DEFAULT if held is None else _identifier(held)
 
     @property
     def time(self) -> Identifier:
         """CAN-ID of the time stamp in this node, 0x100 by default."""
-        held = self.number(TIME_COB_ID)
+        held = self.number(COB_ID_TIME)
         return (0x100, False) if held is None else _identifier(held)
 
 
@@ -191,7 +195,7 @@ class NetworkState(NamedTuple):
     @property
     def sync_periods_us(self) -> tuple[int, ...]:
         """Periods in µs of all SYNC producers, including the master."""
-        periods = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]
+        periods = [node.number(CYCLE_PERIOD) or 0 for node in self.nodes if node.produces_sync]
         if self.master is not None and self.master.sync_period_us:
             periods.append(self.master.sync_period_us)
         return tuple(periods)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, NMT_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import PDO_INDICES
 from dvtcli.domain.ports import Frame
@@ -15,7 +16,6 @@ from dvtcli.domain.ports import Frame
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_state import Identifier
 
-_NMT, _LSS = 0x000, 0x7E5
 _REQUESTS = range(0x601, 0x680)
 _EMERGENCIES = range(0x081, 0x100)
 _HEARTBEATS = range(0x701, 0x780)
@@ -77,9 +77,9 @@ class ReceivedTraffic:
 
     def _of_service(self, frame: Frame) -> None:
         can_id, node_id, data = frame.can_id, frame.can_id & 0x7F, frame.data
-        if can_id == _NMT and len(data) == 2:
+        if can_id == NMT_ID and len(data) == 2:
             self._command(data)
-        elif can_id == _LSS:
+        elif can_id == LSS_REQUEST_ID:
             self.lss += 1
         elif can_id in _REQUESTS:
             self.requests[node_id] += 1

@@ -7,22 +7,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple
 
-from dvtcli.domain.cob_id import PRODUCES
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
+from dvtcli.domain.cob_id import PRODUCES, SYNC_BY_DEFAULT
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.frame_bits import least_frame_bits, most_frame_bits
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.network.network_state import (
-    EMCY_INHIBIT,
-    GUARD_TIME,
-    SYNC_OVERFLOW,
-    SYNC_PERIOD,
-    SYNC_WINDOW,
-    TIME_COB_ID,
-    Identifier,
-    NetworkState,
-    NodeState,
-    identifier_of,
-)
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.objects import COB_ID_TIME, CYCLE_PERIOD, GUARD_TIME, INHIBIT_TIME_EMCY, SYNC_OVERFLOW, SYNC_WINDOW
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.response_time import TimedFrame, response_times, utilisation
 from dvtcli.domain.text import join_some, plural, some_nodes
@@ -270,7 +261,6 @@ def _names(streams: Iterable[Stream]) -> str:
 
 _MS, _100_US = 1000, 100
 _LONGEST_BYTES = 8
-_HEARTBEAT = 0x700
 
 
 def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
@@ -296,9 +286,9 @@ def _frame(identifier: Identifier, data_bytes: int, period_us: Time | None, *, r
 def _syncs(state: NetworkState, what_if: WhatIf) -> Iterator[Stream]:
     producers = [node for node in state.nodes if node.produces_sync]
     for node in producers:
-        told_us = node.number(SYNC_PERIOD) or 0
+        told_us = node.number(CYCLE_PERIOD) or 0
         yield _sync(node.sync, int((node.number(SYNC_OVERFLOW) or 0) > 1), what_if.sync_us or told_us, node.node_id)
-    identifier = next((node.sync for node in (*producers, *state.nodes)), (0x080, False))
+    identifier = next((node.sync for node in (*producers, *state.nodes)), SYNC_BY_DEFAULT)
     by_master = None if state.master is None else state.master.sync_period_us
     if by_master:
         yield _sync(identifier, 0, what_if.sync_us or by_master, None)
@@ -313,7 +303,7 @@ def _sync(identifier: Identifier, data_bytes: int, period_us: int, node: int | N
 
 def _times(state: NetworkState) -> Iterator[Stream]:
     for node in state.nodes:
-        if (node.number(TIME_COB_ID) or 0) & PRODUCES:
+        if (node.number(COB_ID_TIME) or 0) & PRODUCES:
             frame = _frame(node.time, 6, TIME_US)
             yield Stream("time", "TIME", frame, "assumed", node.node_id, deadline_us=TIME_US, assumed=True)
 
@@ -377,7 +367,7 @@ def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:
 
 
 def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
-    identifier = (_HEARTBEAT + node.node_id, False)
+    identifier = (HEARTBEAT_BASE + node.node_id, False)
     if node.heartbeat_ms:
         yield _heartbeat(state, node.node_id, node.heartbeat_ms)
     elif node.is_guarded:
@@ -392,7 +382,7 @@ def _heartbeat(state: NetworkState, node_id: int, every_ms: int) -> Stream:
     """A heartbeat stream; its deadline is the period, or less if a consumer waits less beyond the period."""
     watches = (node.watched.get(node_id, 0) - every_ms for node in state.nodes)
     deadline_ms = min([every_ms, *(left for left in watches if left > 0)])
-    frame = _frame((_HEARTBEAT + node_id, False), 1, every_ms * _MS)
+    frame = _frame((HEARTBEAT_BASE + node_id, False), 1, every_ms * _MS)
     why = f"every {every_ms} ms"
     return Stream("heartbeat", "heartbeat", frame, why, node_id, deadline_us=deadline_ms * _MS)
 
@@ -401,7 +391,7 @@ def _emcy(node: NodeState, what_if: WhatIf) -> Iterator[Stream]:
     identifier = node.emcy
     if identifier is None:
         return
-    inhibit_us = (node.number(EMCY_INHIBIT) or 0) * _100_US
+    inhibit_us = (node.number(INHIBIT_TIME_EMCY) or 0) * _100_US
     period_us = inhibit_us or what_if.emcy_us or EMCY_US
     why = f"0x1015, {in_ms(inhibit_us)}" if inhibit_us else "assumed"
     frame = _frame(identifier, _LONGEST_BYTES, period_us)

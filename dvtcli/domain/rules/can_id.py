@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, CobId, taken_by_services
+from dvtcli.domain.cob_id import OFF, PRODUCES, SYNC_BY_DEFAULT, CobId, taken_by_services
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME, SRDO_COMMUNICATION
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
@@ -43,9 +44,8 @@ RULES = (
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 
-SYNC, TIME, EMCY = 0x1005, 0x1012, 0x1014
 #: The services whose COB-ID is one object, by its index.
-COB_ID_OF = {SYNC: "SYNC", TIME: "TIME", EMCY: "EMCY"}
+COB_ID_OF = {COB_ID_SYNC: "SYNC", COB_ID_TIME: "TIME", COB_ID_EMCY: "EMCY"}
 _RESERVED = "reserved"
 #: First and last 11-bit CAN-ID of each range that CiA 301 restricts, with its use.
 RESTRICTED = (
@@ -85,7 +85,7 @@ def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
     Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5, 7.5.2.15 and 7.5.2.17.
     """
     want, place = CobId.from_raw(raw), f"0x{index:04X}:00"
-    is_emcy, owner = index == EMCY, want.can_id - 0x080
+    is_emcy, owner = index == COB_ID_EMCY, want.can_id - 0x080
     if want.extended or not is_in_use(index, raw):
         return
     if use := restricted_use(want.can_id):
@@ -99,7 +99,7 @@ def is_in_use(index: int, raw: int) -> bool:
 
     Bit 31 disables EMCY and an SDO channel, and has no meaning for SYNC; the time stamp is sent with bit 30.
     """
-    return index == SYNC or bool(raw & PRODUCES if index == TIME else not raw & OFF)
+    return index == COB_ID_SYNC or bool(raw & PRODUCES if index == COB_ID_TIME else not raw & OFF)
 
 
 def service_taken_findings(
@@ -112,7 +112,7 @@ def service_taken_findings(
     want = CobId.from_raw(raw)
     owner = taken.get((want.can_id, want.extended)) if is_in_use(index, raw) else None
     if owner is not None:
-        service = COB_ID_OF.get(index, "an SRDO" if index in SRDOS else "an SDO channel")
+        service = COB_ID_OF.get(index, "an SRDO" if index in SRDO_COMMUNICATION else "an SDO channel")
         yield error("can-id-in-use", f"0x{index:04X}:{sub_index:02X}", f"CAN-ID {want} for {service} is {owner}")
 
 

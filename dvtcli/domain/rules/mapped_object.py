@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
+from dvtcli.domain.objects import SAFETY
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
-from dvtcli.domain.standard_objects import SAFETY
 
 RULES = (
     Rule("object-exists", ERROR,

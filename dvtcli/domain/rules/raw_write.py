@@ -9,6 +9,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import SAFETY
 from dvtcli.domain.pdo import SAM_MPDO, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import can_id_findings
@@ -16,7 +17,6 @@ from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 from dvtcli.domain.rules.mapped_object import decimal_hint
 from dvtcli.domain.rules.pdo_mapping import mapping_findings
-from dvtcli.domain.standard_objects import SAFETY
 from dvtcli.domain.text import value_text
 
 _FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"

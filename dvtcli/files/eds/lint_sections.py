@@ -10,6 +10,7 @@ from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.lint import NOTE, WARNING, check
 from dvtcli.domain.lint.described import default_pdos
 from dvtcli.domain.object_dictionary import ObjectType
+from dvtcli.domain.objects import MANDATORY, MANUFACTURER_AREA
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
 from dvtcli.domain.standard_objects import source
 from dvtcli.files.eds.ini import IniSection, IniValue
@@ -225,8 +226,6 @@ def dummy_type(text: LintedText) -> Found:
 
 _LISTS = "CiA 306, 4.6.2"
 _COMPACT = "CiA 306, 4.6.3.3"
-_MANDATORY = (0x1000, 0x1001, 0x1018)
-_MANUFACTURER = range(0x2000, 0x6000)
 
 
 @check("wrong-list", NOTE, "an object is in a list that is not for it", _LISTS)
@@ -234,7 +233,7 @@ def wrong_list(text: LintedText) -> Found:
     """Mandatory ones are 0x1000, 0x1001 and 0x1018, the manufacturer's 0x2000 to 0x5FFF, the rest optional."""
     for name in ("mandatoryobjects", "optionalobjects", "manufacturerobjects"):
         for row, index in _rows(text, name):
-            right = "manufacturer" if index in _MANUFACTURER else "mandatory" if index in _MANDATORY else "optional"
+            right = "manufacturer" if index in MANUFACTURER_AREA else "mandatory" if index in MANDATORY else "optional"
             # A profile may make more objects mandatory, and they may be listed so.
             if right not in (name.removesuffix("objects"), "optional") or (
                 right == "optional" and name == "manufacturerobjects"

@@ -14,6 +14,7 @@ from functools import partial
 
 from dvtcli.domain.datatypes import U8, U16
 from dvtcli.domain.object_dictionary import Access, Modules, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import MODULE_LIST
 from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import EditedText, Values, section_values, split_sections
@@ -27,7 +28,7 @@ _SUB_EXTENSION = r"m([0-9]+)subext([0-9a-f]{4})"
 _INFO = r"m([0-9]+)moduleinfo"
 _FIXED = r"m([0-9]+)fixed([0-9a-f]{4})"
 _OF_MODULE = r"m([0-9]+)[a-z]"
-_CONNECTED, _MODULE_LIST = "connectedmodules", 0x1027
+_CONNECTED = "connectedmodules"
 _OF_MANY_ENTRIES = (ObjectType.ARRAY, ObjectType.RECORD)
 _BITS_OF_BYTE = 8
 _MOST_SUB_INDICES = 254
@@ -106,9 +107,9 @@ def module_objects(
         own = partial(build, index, layout.object_sections(index)) if index in layout.objects else None
         if own is None or chosen:
             found |= _extended_objects(index, parts, own, layout)
-    if connected and _MODULE_LIST in layout.objects:
-        listed = partial(build, _MODULE_LIST, layout.object_sections(_MODULE_LIST))
-        found[_MODULE_LIST] = partial(_module_list, listed, connected)
+    if connected and MODULE_LIST in layout.objects:
+        listed = partial(build, MODULE_LIST, layout.object_sections(MODULE_LIST))
+        found[MODULE_LIST] = partial(_module_list, listed, connected)
     return found
 
 
@@ -208,7 +209,7 @@ def _added_by(values: Values) -> tuple[int, int]:
 def _module_list(build: Build, connected: list[int]) -> OdObject:
     """Return the module list (0x1027, CiA 301, 7.5.2.30) with *connected*; values of a DCF stay."""
     held = build()
-    like = held.entries.get(1) or OdEntry(_MODULE_LIST, 1, "Module", U16, Access.RO, pdo_mapping=False, line=held.line)
+    like = held.entries.get(1) or OdEntry(MODULE_LIST, 1, "Module", U16, Access.RO, pdo_mapping=False, line=held.line)
     entries = {0: replace(held.entries[0], default=bytes([len(connected)]))} if 0 in held.entries else {}
     for sub_index, module in enumerate(connected[:_MOST_SUB_INDICES], 1):
         known = held.entries.get(sub_index) or replace(

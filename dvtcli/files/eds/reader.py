@@ -13,6 +13,7 @@ from pathlib import Path
 
 from dvtcli.domain.datatypes import U8
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.entry import EntryPlace, read_entry, read_value
@@ -292,7 +293,6 @@ def _check_parts(
 
 __all__ = ["EdsFile", "EdsFinding", "parse_eds", "read_eds"]
 
-_IDENTITY = 0x1018
 _PDO_SUB_INDICES = 0x3F
 
 
@@ -392,7 +392,7 @@ def _parsed(data: bytes, source: str, modules: tuple[int, ...] | None) -> EdsFil
         raise _not_an_eds(data, source)
     findings = Findings()
     device = section_values(layout.device.get("deviceinfo", ()), findings)
-    identity = _build(layout, _IDENTITY) if _IDENTITY in layout.objects else None
+    identity = _build(layout, IDENTITY) if IDENTITY in layout.objects else None
     info = read_device_info(device, layout, identity, findings)
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
         index: partial(_build, layout, index) for index in layout.objects

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import MANDATORY, MANUFACTURER_AREA
 from dvtcli.files.eds.ini import IniSection, decode
 from dvtcli.files.eds.numbers import written_limit, written_value
 from dvtcli.files.file_info import as_keys, in_order
 
-_MANDATORY = (0x1000, 0x1001, 0x1018)
-_MANUFACTURER = range(0x2000, 0x6000)
 _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 _DUMMIES = range(1, 8)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
@@ -146,10 +145,10 @@ def _commissioning(dictionary: ObjectDictionary) -> Iterator[str]:
 
 
 def _lists(dictionary: ObjectDictionary) -> Iterator[str]:
-    manufacturer = [index for index in dictionary if index in _MANUFACTURER]
-    optional = [index for index in dictionary if index not in _MANUFACTURER and index not in _MANDATORY]
+    manufacturer = [index for index in dictionary if index in MANUFACTURER_AREA]
+    optional = [index for index in dictionary if index not in MANUFACTURER_AREA and index not in MANDATORY]
     for name, indices in (
-        ("MandatoryObjects", [index for index in _MANDATORY if index in dictionary]),
+        ("MandatoryObjects", [index for index in MANDATORY if index in dictionary]),
         ("OptionalObjects", optional),
         ("ManufacturerObjects", manufacturer),
     ):

@@ -22,6 +22,7 @@ from dvtcli.domain.network.network_config import (
     ValueConfig,
 )
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.objects import ERROR_BEHAVIOUR
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import InputFileError
@@ -141,7 +142,6 @@ def _entry(tree: Tree, title: str, log: FileLog) -> FileWord | None:
 _IDENTITY = {
     "vendor": "vendor_id", "product": "product_code", "revision": "revision_number", "serial": "serial_number",
 }  # fmt: skip
-_ERROR_BEHAVIOUR = 0x1029
 NONE = "none"
 
 
@@ -217,7 +217,7 @@ def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[Ob
         behaves = number_key(leaf, 1, 254, "sub-index of 0x1029", log)
         number = integer(value, OF[Where.NODE]["error_behavior"], log)
         if behaves is not None and number is not None:
-            yield ObjectConfig("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
+            yield ObjectConfig("error_behavior", ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
 
 
 def _values(

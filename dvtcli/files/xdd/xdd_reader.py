@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import (
@@ -262,9 +263,6 @@ def _check_count(index: int, element: XmlElement, count: int, object_type: int, 
         findings.add(SUB_NUMBER, element.line, f"subNumber={text[:6]}, but the file has {count} sub-indices")
 
 
-_IDENTITY = 0x1018
-
-
 @dataclass(frozen=True)
 class XddFile:
     """A parsed file: its *dictionary*, the *tree* of elements, and its objects' elements by index.
@@ -330,7 +328,7 @@ def parse_xdd(data: bytes, source: str) -> XddFile:
     elements = _objects(tree.root, findings)
     parameters = read_parameters(tree.root, findings)
     build = partial(_build, elements, parameters)
-    identity = build(_IDENTITY) if _IDENTITY in elements else None
+    identity = build(IDENTITY) if IDENTITY in elements else None
     info = read_device_info(tree.root, identity, findings)
     objects: dict[int, OdObject | Callable[[], OdObject]] = {index: partial(build, index) for index in elements}
     return XddFile(ObjectDictionary(objects, info, source), tree, elements, parameters, tuple(findings.found))

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import MANDATORY, MANUFACTURER_AREA
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.scaling import parse_offset
 from dvtcli.domain.text import safe
@@ -31,8 +32,6 @@ from dvtcli.files.xdd.xdd_reader import NAMESPACES, XddFile, number_of, parse_xd
 from dvtcli.files.xdd.xml_tree import XmlElement
 
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
-_MANDATORY = (0x1000, 0x1001, 0x1018)
-_MANUFACTURER = range(0x2000, 0x6000)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 _DUMMIES = range(1, 8)
 #: Access types that an object of CiA 311 does not have: what it has, its parameter's, and the direction they stand for.
@@ -173,8 +172,8 @@ def _known(given: Mapping[str, int | str | None]) -> dict[str, str]:
 
 
 def _object_list(dictionary: ObjectDictionary, parameters: Element) -> Element:
-    mandatory = sum(index in dictionary for index in _MANDATORY)
-    own = sum(index in _MANUFACTURER for index in dictionary)
+    mandatory = sum(index in dictionary for index in MANDATORY)
+    own = sum(index in MANUFACTURER_AREA for index in dictionary)
     counts = {
         "mandatoryObjects": str(mandatory), "optionalObjects": str(len(dictionary) - mandatory - own),
         "manufacturerObjects": str(own),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.store.unstored import may_be_unstored
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.consumers import producer_findings, sent_by
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.process_data import is_standard_command
 from dvtcli.domain.script_line import change_lines
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import SessionNodes
-
-#: "store parameters" (CiA 301, 7.5.2.13)
-_STORE = 0x1010
 
 
 def configure(
@@ -121,7 +119,8 @@ def store_hint(node: Node, plan: Plan) -> Hint | str:
         return "a command or a target is not a setting to store"
     if policy.instead:
         return f"to keep it, {policy.instead}"
-    if node.dictionary is None or not any(node.dictionary.entry(_STORE, index) for index in policy.sub_indices):
+    dictionary = node.dictionary
+    if dictionary is None or not any(dictionary.entry(STORE_PARAMETERS, index) for index in policy.sub_indices):
         stores = takes_store(node)
     else:
         stores = True
@@ -155,10 +154,11 @@ def names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
 def takes_store(node: Node) -> bool:
     """True if *node* supports a store command, or nobody knows; its 0x1010 is read once."""
     if node.takes_store is None:
-        from dvtcli.device.store.store_parameters import STORE, chosen
+        from dvtcli.device.store.store_parameters import chosen
+        from dvtcli.domain.objects import STORE_PARAMETERS
 
         try:
-            chosen(node.access, node.profile.store, STORE, None, node.dictionary)
+            chosen(node.access, node.profile.store, STORE_PARAMETERS, None, node.dictionary)
             node.takes_store = True
         except DeviceRefused:
             node.takes_store = False

@@ -22,7 +22,8 @@ from dvtcli.device.change.untouched_pdos import as_they_are, untouched_configs, 
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import phases
-from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
+from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import BusUnavailable, DeviceRefused, Interrupted, Restarted, SafetyRefusal
 from dvtcli.operations.changes.change import change_result
@@ -308,7 +309,7 @@ def _untouched(node: ReadableNode, plan: Plan) -> tuple[Change, ...]:
 
 def _is_undone(change: Change) -> bool:
     """Tell whether the old value is known and returns with the undo; a stamp does not."""
-    return isinstance(change, PdoChange) or (change.is_readable and change.step.index != STAMP)
+    return isinstance(change, PdoChange) or (change.is_readable and change.step.index != VERIFY_CONFIGURATION)
 
 
 def _to_the_same(change: Change) -> Change:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dvtcli.device.store.store_parameters import STORE, chosen
+from dvtcli.device.store.store_parameters import chosen
 from dvtcli.domain.hint import Hint, as_hint
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
 from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
 
@@ -73,7 +74,7 @@ def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[
 def _finding(node: ReadableNode, word: str) -> Finding | None:
     with suppress(SdoAborted):  # what it answers to the store itself is told then
         try:
-            chosen(node.access, node.profile.store, STORE, store_group(word), node.dictionary)
+            chosen(node.access, node.profile.store, STORE_PARAMETERS, store_group(word), node.dictionary)
         except DeviceRefused as refused:
             said = "true" if word == "all" else word
             text = f"store: {said} of node {node.node_id}: {refused.text}: {refused.why}"
@@ -86,5 +87,6 @@ def _hint(node: NodeDescription, word: str, refused: DeviceRefused) -> Hint | st
     """Suggest another word for the file, or the device's own way of storing, if known."""
     others = node.profile.store.sub_indices
     if word != "all" and others and store_group(word) not in others:
-        return f"store: true stores group 0x{STORE:04X}:{others[0]:02X} of the device, store: false stores nothing"
+        group = f"0x{STORE_PARAMETERS:04X}:{others[0]:02X}"
+        return f"store: true stores group {group} of the device, store: false stores nothing"
     return "store: false stores nothing" + as_hint(refused.hint or "")

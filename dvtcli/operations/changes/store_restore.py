@@ -19,10 +19,11 @@ from dvtcli.device.store.prove_store import (
     refuse_deaf_to_reset,
     refuse_unprovable,
 )
-from dvtcli.device.store.store_parameters import RESTORE, STORE, chosen, write_signature
+from dvtcli.device.store.store_parameters import chosen, write_signature
 from dvtcli.device.store.unstored import mark_stored, prepare_store, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.store import POWER, RESET_COMM, RESET_NODE
 from dvtcli.errors import DeviceRefused, SdoAborted
@@ -75,7 +76,7 @@ def store_settings(
     done = write_signature(
         node.access,
         node.profile.store,
-        STORE,
+        STORE_PARAMETERS,
         sub_index,
         node.cancellation,
         node.dictionary,
@@ -125,7 +126,7 @@ def look_before_stores(
         if prove and not session.dry_run:
             refuse_unprovable(node, sub_index, certain=prove == POWER)
         else:
-            chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
+            chosen(node.access, node.profile.store, STORE_PARAMETERS, sub_index, node.dictionary)
 
 
 def look_before_restores(
@@ -137,7 +138,7 @@ def look_before_restores(
         if prove and not session.dry_run:
             refuse_deaf_to_reset(node, _UNPROVED)
         require_storable(node, force=session.options.force, confirm=False)
-        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+        chosen(node.access, node.profile.store, RESTORE_PARAMETERS, sub_index, node.dictionary)
 
 
 def refuse_after_restart(node: ReadableNode, boot_ups: int, answer: StoreAnswer) -> None:
@@ -185,7 +186,7 @@ def why_to_store(node: Node, sub_index: int | None) -> str:
 
 
 def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None) -> Stored:
-    place = f"{STORE:04X}:{sub_index or 1:02X}"
+    place = f"{STORE_PARAMETERS:04X}:{sub_index or 1:02X}"
     skipped = "nothing was written since the node's boot-up, and its PDOs are the same as at boot-up"
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
@@ -240,7 +241,7 @@ def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *
     done = write_signature(
         node.access,
         node.profile.store,
-        RESTORE,
+        RESTORE_PARAMETERS,
         sub_index,
         node.cancellation,
         node.dictionary,
@@ -271,7 +272,7 @@ def _end_stamp_before(session: SessionUser, node: Node, sub_index: int | None) -
     """End our stamp on *node* before its defaults are restored: its values are no longer stored."""
     held = held_stamp(node)
     if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
-        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+        chosen(node.access, node.profile.store, RESTORE_PARAMETERS, sub_index, node.dictionary)
         end_stamp(session, node, "a node that is no longer stored loses its stamp")
 
 

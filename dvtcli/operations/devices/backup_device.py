@@ -16,6 +16,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration, device_types
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.times import utc
 from dvtcli.errors import SdoAborted, UsageError
@@ -246,7 +247,7 @@ def duration(seconds: float) -> str:
 
 
 SUFFIXES = VALUE_SUFFIXES
-_REVISION = (0x1018, 3)
+_REVISION = (IDENTITY, 3)
 
 
 def export_dcf(session: SessionNodes, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import KnownValues
-from dvtcli.device.read_pdos import IDENTITY, read_modules
+from dvtcli.device.read_pdos import read_modules
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.domain.objects import COMMUNICATION_AREA, IDENTITY
 from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.errors import SdoAborted, UsageError
@@ -205,7 +206,7 @@ def selected_alone(session: SessionNodes, held: HeldDevice) -> tuple[int, ...]:
     )
 
 
-_COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
+_STATES = (0x1001, 0x1002)
 
 
 class DifferenceKind(Enum):
@@ -242,9 +243,8 @@ def kind_of(known: Configuration, entry: OdEntry) -> DifferenceKind:
         return DifferenceKind.SETTING
     if why is not NotWritten.READ_ONLY or entry.index in _STATES:
         return DifferenceKind.APART
-    return (
-        DifferenceKind.ABOUT if entry.index in _COMMUNICATION or entry.access is Access.CONST else DifferenceKind.APART
-    )
+    is_about_device = entry.index in COMMUNICATION_AREA or entry.access is Access.CONST
+    return DifferenceKind.ABOUT if is_about_device else DifferenceKind.APART
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
 from dvtcli.device.learn.probing import Terms, ask_safely
-from dvtcli.device.learn.saving import RESTORE, STORE, not_asked, read_storage, storage_for_family, storage_for_profile
+from dvtcli.device.learn.saving import not_asked, read_storage, storage_for_family, storage_for_profile
 from dvtcli.device.learn.subjects import absences, mapped_subjects, read_device, subjects
 from dvtcli.device.read_whole import values_of
 from dvtcli.device.store.unstored import mark_stored, require_storable
@@ -23,6 +23,7 @@ from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_re
 from dvtcli.domain.learning.probe import Conclusions, Value, merged
 from dvtcli.domain.learning.read_dictionary import absent_for_family
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError, stopped_node
 from dvtcli.operations.devices.backup_device import read_every_object
@@ -309,7 +310,7 @@ def _written(value: object) -> Value:
 
 
 #: Objects for which a family has no values: their values tell how a device stores.
-_SIGNATURES = (STORE, RESTORE)
+_SIGNATURES = (STORE_PARAMETERS, RESTORE_PARAMETERS)
 
 
 def refuse_name(name: str) -> None:

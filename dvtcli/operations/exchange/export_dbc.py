@@ -13,16 +13,10 @@ from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import (
-    SYNC_OVERFLOW,
-    Identifier,
-    NetworkState,
-    NodeState,
-    identifier_of,
-    identifier_text,
-)
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of, identifier_text
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_scalings import NOTHING
+from dvtcli.domain.objects import SYNC_OVERFLOW
 from dvtcli.domain.text import all_nodes, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.seen_state import heartbeat_ms, heartbeat_slots
+from dvtcli.domain.can_ids import EMCY_BASE
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.links import found_links, watched_ms
 from dvtcli.domain.network.network_config import (
@@ -26,6 +27,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
+from dvtcli.domain.objects import COB_ID_EMCY, CONSUMER_HEARTBEAT, ERROR_BEHAVIOUR, INHIBIT_TIME_EMCY, SYNC_OVERFLOW
 from dvtcli.domain.pdo import MAX_PDO_BITS
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.text import join_some, plural
@@ -290,14 +292,13 @@ def _named(holder: NamedNode, name: str, entry: PdoMappingEntry) -> str:
 
 #: whether a file has an object, by index and sub-index, even with its usual value
 Said = Callable[[int, int], bool]
-_CONSUMER, _EMCY, _BEHAVIOUR = 0x1016, 0x1014, 0x1029
-#: bits 0 to 29 of a COB-ID: the CAN-ID and its 29-bit flag; EMCY of node-ID 0 (CiA 301, 7.3.5)
-_IDENTIFIER, _EMCY_BASE = 0x3FFF_FFFF, 0x80
+#: bits 0 to 29 of a COB-ID: the CAN-ID and its 29-bit flag
+_IDENTIFIER = 0x3FFF_FFFF
 #: objects without a key: index, size in bytes, meaning
 _WITHOUT_KEY = {
-    (_EMCY, 4): "COB-ID of EMCY",
-    (0x1015, 2): "inhibit time of EMCY, 100 µs",
-    (0x1019, 1): "overflow of SYNC's counter",
+    (COB_ID_EMCY, 4): "COB-ID of EMCY",
+    (INHIBIT_TIME_EMCY, 2): "inhibit time of EMCY, 100 µs",
+    (SYNC_OVERFLOW, 1): "overflow of SYNC's counter",
 }
 #: default values (CiA 301, 7.5.2.5 to 7.5.2.15), which a file need not have
 _USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,), 0x1012: (0x100, 0x8000_0100)}
@@ -335,7 +336,7 @@ def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: S
     """Yield the error behaviours (0x1029) that are *said*."""
     for entry in dictionary.entries():
         place = entry.index, entry.sub_index
-        if place[0] == _BEHAVIOUR and place[1] and entry.access.writable and said(*place):
+        if place[0] == ERROR_BEHAVIOUR and place[1] and entry.access.writable and said(*place):
             held = _held(values, *place, 1)
             if held is not None:
                 yield ObjectConfig("error_behavior", *place, bytes([held]))
@@ -356,7 +357,7 @@ def exported_values(
     for (index, size), sense in _WITHOUT_KEY.items():
         held = _held(values, index, 0, size)
         if held is not None and said(index, 0) and not _is_fixed(dictionary, index, 0):
-            is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
+            is_own = index == COB_ID_EMCY and held & _IDENTIFIER == EMCY_BASE + node_id
             text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
             yield ValueConfig(FileWord(f"{index:04X}:00"), FileWord(text)), sense
     left = {(watch.producer, watch.time_ms) for watch in watches}
@@ -364,9 +365,9 @@ def exported_values(
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
         if (producer, time_ms) in left:
             left.remove((producer, time_ms))
-        elif said(_CONSUMER, sub_index) and not _is_fixed(dictionary, _CONSUMER, sub_index):
+        elif said(CONSUMER_HEARTBEAT, sub_index) and not _is_fixed(dictionary, CONSUMER_HEARTBEAT, sub_index):
             sense = "monitors no node" if not value else "as in the device"
-            yield ValueConfig(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
+            yield ValueConfig(FileWord(f"{CONSUMER_HEARTBEAT:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
 
 
 def _held(values: SdoReader, index: int, sub_index: int, size: int) -> int | None:

@@ -25,9 +25,15 @@ from dvtcli.domain.network.network_config import (
     PartialPdoConfig,
     ValueConfig,
 )
-from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.objects import (
+    CONCISE_DCF,
+    CONSUMER_HEARTBEAT,
+    ERROR_BEHAVIOUR,
+    EXPECTED_PRODUCT,
+    EXPECTED_VENDOR,
+    VERIFY_CONFIGURATION,
+)
 from dvtcli.domain.pdo import MAX_ENTRIES, MAX_PDO_BITS, Pdo, PdoMappingEntry
-from dvtcli.domain.plan import STAMP
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -92,9 +98,6 @@ def _text(kind: DataType, data: bytes) -> str:
     return str(int(value)) if isinstance(value, bool) else str(value)
 
 
-_BEHAVIOUR, _CONSUMER = 0x1029, 0x1016
-
-
 @dataclass(slots=True)
 class _Left:
     """Downloads to a node in order, removed when converted. *unsaid*: those that cannot be, with reasons."""
@@ -119,7 +122,7 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
     """
     left = _Left({(download.index, download.sub_index): download.data for download in downloads})
     remarks: dict[str, str] = {}
-    stamped = {left.data.pop((STAMP, sub_index), None) for sub_index in (1, 2)} != {None}
+    stamped = {left.data.pop((VERIFY_CONFIGURATION, sub_index), None) for sub_index in (1, 2)} != {None}
     pdos = sorted({pdo for index, _ in left.data if (pdo := Pdo.at(index)) is not None}, key=_order)
     options = tuple(_pdo(device, pdo, left, remarks) for pdo in pdos)
     watches = _watches(left)
@@ -145,7 +148,7 @@ def _repeated(downloads: Sequence[ConciseEntry]) -> dict[ObjectAddress, str]:
     return {
         place: f"downloaded {count} times, the file has the last"
         for place, count in counts.items()
-        if count > 1 and place[0] != STAMP and Pdo.at(place[0]) is None
+        if count > 1 and place[0] != VERIFY_CONFIGURATION and Pdo.at(place[0]) is None
     }
 
 
@@ -195,7 +198,7 @@ def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
 
     The entries must begin at sub-index 1, ordered by producer. Others stay values.
     """
-    places = [place for place in left.data if place[0] == _CONSUMER]
+    places = [place for place in left.data if place[0] == CONSUMER_HEARTBEAT]
     first = list(left.data)[: len(places)]
     numbers = [int.from_bytes(left.data[place], "little") for place in places]
     producers = [number >> 16 for number in numbers]
@@ -214,7 +217,7 @@ def _objects(left: _Left) -> list[ObjectConfig]:
     keys = {key.object[:2]: (key.name, key.object[2]) for key in OF[Where.NODE].values() if key.object is not None}
     found: list[ObjectConfig] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
-        name, size = ("error_behavior", 1) if place[0] == _BEHAVIOUR and place[1] else keys.get(place, ("", 0))
+        name, size = ("error_behavior", 1) if place[0] == ERROR_BEHAVIOUR and place[1] else keys.get(place, ("", 0))
         is_next = place[0] in BEFORE_PDOS or all(
             config.index < place[0] for config in found if config.index not in BEFORE_PDOS
         )
@@ -243,7 +246,7 @@ def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[Val
 
 
 #: a manager's expected vendor-ID and product code of each node (CiA 302-3)
-_EXPECTED = (0x1F85, 0x1F86)
+_EXPECTED = (EXPECTED_VENDOR, EXPECTED_PRODUCT)
 
 
 @dataclass(frozen=True, slots=True)

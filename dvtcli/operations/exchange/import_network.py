@@ -16,7 +16,7 @@ from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import all_nodes, join_some, plural, some_nodes
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError

@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import WHATEVER, read_identity, read_pdo
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import (
-    IDENTITY,
-    IDENTITY_NAMES,
-    Identifier,
-    NetworkState,
-    NodeState,
-    identifier_of,
-)
+from dvtcli.domain.network.network_state import IDENTITY_NAMES, Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, SdoAborted, SdoProtocolError, UsageError

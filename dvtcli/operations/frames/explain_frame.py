@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_number
-from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, CobId
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_TIME, SDO_CLIENTS, SDO_SERVERS, SRDO_COMMUNICATION
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -17,17 +18,7 @@ from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, describe
 from dvtcli.operations.pdos.sync import sync_frame
 from dvtcli.operations.results.frames import FrameExplained, FrameSeen
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import (
-    SDO_SERVERS,
-    Decoder,
-    Layout,
-    doubts,
-    misfit,
-    no_values,
-    pdo_layouts,
-    server_name,
-    srdo_name,
-)
+from dvtcli.watch.decoder import Decoder, Layout, doubts, misfit, no_values, pdo_layouts, server_name, srdo_name
 from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.frame_parts import frame_parts
 from dvtcli.watch.frame_reader import FrameReader, Reading
@@ -85,12 +76,8 @@ def frame_seen(frame: Frame, decoder: Decoder, reading: Reading | None = None) -
     )  # fmt: skip
 
 
-_EMCY, _TIME = 0x1014, 0x1012
 #: bits of 0x1012: the node consumes TIME, it produces TIME (CiA 301, 7.5.2.15); bit 31 is no "off" here
 _TAKES, _SENDS = 1 << 31, 1 << 30
-#: CiA 301, 7.5.2.33 and 7.5.2.34: sub-index 1 is the CAN-ID to the server, 2 from the server; of a client's channel
-#: 3 is the server's node-ID
-_SDO_CLIENTS = range(0x1280, 0x1300)
 _SDO_WORDS = {1: "request", 2: "answer"}
 _SERVER = 3
 
@@ -102,15 +89,15 @@ def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
     """
     sync = sync_frame(node.sdo)
     yield (sync.can_id, sync.extended), Service("sync", "SYNC")
-    time = _number(node, _TIME, 0)
+    time = _number(node, COB_ID_TIME, 0)
     if time is not None and time & (_TAKES | _SENDS) and (address := _address(time & ~_TAKES)):
         yield address, Service("time", "TIME")
-    if address := _address(_number(node, _EMCY, 0)):
+    if address := _address(_number(node, COB_ID_EMCY, 0)):
         yield address, Service("emcy", "EMCY", node.node_id)
     for index, channel in _sdo_channels(node, SDO_SERVERS):
         for word, address in channel.items():
             yield address, Service("sdo", f"{server_name(index)} {word}", node.node_id)
-    for index, channel in _sdo_channels(node, _SDO_CLIENTS):
+    for index, channel in _sdo_channels(node, SDO_CLIENTS):
         server = (_number(node, index, _SERVER, 1) or None) if channel else None
         for word, address in channel.items():
             yield address, Service("sdo", f"SDO {word}", server)
@@ -119,7 +106,7 @@ def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
 
 def _srdos(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
     """Yield both CAN-IDs of each SRDO in the EDS that is in use (EN 50325-5)."""
-    for index in node.dictionary.indices_among(SRDOS) if node.dictionary else ():
+    for index in node.dictionary.indices_among(SRDO_COMMUNICATION) if node.dictionary else ():
         if _number(node, index, SRDO_DIRECTION, 1):
             for sub_index in SRDO_COB_IDS:
                 if address := _address(_number(node, index, sub_index)):

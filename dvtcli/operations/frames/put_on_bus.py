@@ -9,7 +9,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.bus_share import ShareLimiter
-from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
+from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT
+from dvtcli.domain.can_ids import NMT_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError
@@ -116,7 +117,7 @@ class _Putting:
     def _send(self, frame: Frame) -> None:
         """Send a valid NMT command through the NMT service, so that cached states are dropped."""
         if (
-            frame.can_id == NMT_CAN_ID and not frame.extended and not frame.remote and len(frame.data) == 2
+            frame.can_id == NMT_ID and not frame.extended and not frame.remote and len(frame.data) == 2
             and frame.data[0] in set(NmtCommand) and frame.data[1] <= 127
         ):  # fmt: skip
             self.commanded = True

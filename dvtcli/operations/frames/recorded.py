@@ -61,7 +61,8 @@ def decoder_for(
 
 def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     """Return the decoder of mappings in SDO transfers of the recording at *path*; empty if none."""
-    from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
+    from dvtcli.domain.network.network_state import IDENTITY_NAMES
+    from dvtcli.domain.objects import IDENTITY
     from dvtcli.domain.text import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
     from dvtcli.operations.values.object_values import scalings_of

@@ -10,6 +10,7 @@ from dvtcli.bus.node_watch import read_emergency
 from dvtcli.device.error_history import clear_history, read_fault_list, read_history, read_register
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.emergency_codes import emergency_remedy, emergency_text
+from dvtcli.domain.objects import DEVICE_TYPE
 from dvtcli.domain.ports import Emergency, ReceivedEmergency
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.operations.frames.layouts import open_wire
@@ -85,9 +86,6 @@ def _words(session: SessionNodes, node_id: int) -> ErrorWords:
         return ErrorWords()
 
 
-_DEVICE_TYPE = 0x1000
-
-
 def show_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
     """Read the errors of node *node_id*, or the selected node, and add its received EMCY messages.
 
@@ -130,7 +128,7 @@ class ErrorWords:
 
     def __init__(self, node: ReadableNode | None = None) -> None:
         self._known = {} if node is None else node.profile.faults
-        self._device_type = None if node is None else read_optional(node.sdo, _DEVICE_TYPE, 0, 4)
+        self._device_type = None if node is None else read_optional(node.sdo, DEVICE_TYPE, 0, 4)
 
     def row(self, source: str, code: int) -> FaultRow:
         """Describe *code* of *source*."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.frame import pack
 from dvtcli.domain.hint import Action, Hint
@@ -33,7 +34,6 @@ KEYS = "123456789"
 HOW = "185#1027, or rpdo1 6040=15; every 100ms and key 1 may stand behind it"
 _TIME = re.compile(r"(\d{1,7}(?:\.\d{1,3})?)(ms|s)")
 _FASTEST_S, _SLOWEST_S = 0.001, 3600.0
-_SDO_REQUESTS = 0x600
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ def is_sdo_request(row: TransmitRow) -> bool:
     if _names_pdo(row.frame):
         return False
     frame = frame_to_send(row.frame)
-    return not frame.extended and frame.can_id & ~0x7F == _SDO_REQUESTS
+    return not frame.extended and frame.can_id & ~0x7F == SDO_REQUEST_BASE
 
 
 def rounds(

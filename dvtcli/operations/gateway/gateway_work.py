@@ -9,8 +9,8 @@ from functools import partial
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.device.store.store_parameters import SIGNATURES
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.gateway_requests import Nmt, Order, Read, Write
 from dvtcli.domain.gateway_words import HEX, Answer, Done, Failed, GatewayError, value_text
@@ -84,7 +84,7 @@ class HeartbeatWatches:
         if sent or frame.extended or frame.remote or len(frame.data) != 1:
             return
         for watch in tuple(self._watches):
-            if frame.can_id == HEARTBEAT + watch.node_id:
+            if frame.can_id == HEARTBEAT_BASE + watch.node_id:
                 watch.received(frame.timestamp_s, self._session.bus.now_s())
 
 

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.store.store_parameters import STORE, chosen
+from dvtcli.device.store.store_parameters import chosen
 from dvtcli.domain.gateway_requests import Around, plan_lines
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
@@ -49,7 +50,7 @@ def _around(session: SessionNodes, planned: NodePlan, stores: Sequence[str]) -> 
         return Around()
     required = node.is_pre_operational_wanted
     groups = [store_group(word) for word in stores] if planned.stores else []
-    chose = (chosen(node.access, node.profile.store, STORE, group, node.dictionary)[0] for group in groups)
+    chose = (chosen(node.access, node.profile.store, STORE_PARAMETERS, group, node.dictionary)[0] for group in groups)
     return Around(required, required and node.access.state() is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose)))
 
 

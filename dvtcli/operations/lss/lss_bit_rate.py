@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.can_ids import EMCY_BASE, HEARTBEAT_BASE, LSS_RESPONSE_ID, SDO_RESPONSE_BASE
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.lss_services import ANSWER_ID, BIT_TIMINGS, PARTS, LssAddress
+from dvtcli.domain.lss_services import BIT_TIMINGS, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
@@ -257,7 +258,7 @@ def names(nodes: Sequence[LssGiven]) -> str:
 
 
 #: frames of a node besides PDOs: EMCY, SDO, heartbeat (CiA 301, 7.3.5)
-_OWN = (0x080, 0x580, 0x700)
+_OWN = (EMCY_BASE, SDO_RESPONSE_BASE, HEARTBEAT_BASE)
 
 
 def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None) -> list[LssGiven]:
@@ -324,7 +325,7 @@ def _refuse_running(session: SessionUser, bus: CanopenBus, there: Collection[int
 
 def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
     """Refuse frames that no node of *there* sends while PRE-OPERATIONAL."""
-    theirs = {base + node_id for base in _OWN for node_id in there} | {ANSWER_ID}
+    theirs = {base + node_id for base in _OWN for node_id in there} | {LSS_RESPONSE_ID}
     strange = next((frame for frame in frames.values() if frame.extended or frame.can_id not in theirs), None)
     if strange is not None:
         can_id = can_id_text(strange.can_id, extended=strange.extended)

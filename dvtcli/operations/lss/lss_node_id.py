@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 #: How long a node may take to boot up with its new node-ID (s).
 BOOT_UP_S = 3.0
-_HEARTBEAT = 0x700
 
 
 def lss_node_id(session: SessionNodes, node_id: int, address: LssAddress | None = None) -> LssChanged:
@@ -78,8 +78,8 @@ def received_ids(session: SessionNodes) -> set[int]:
     received: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
-        if not sent and not frame.extended and 1 <= frame.can_id - _HEARTBEAT <= 127:
-            received.add(frame.can_id - _HEARTBEAT)
+        if not sent and not frame.extended and 1 <= frame.can_id - HEARTBEAT_BASE <= 127:
+            received.add(frame.can_id - HEARTBEAT_BASE)
 
     stop = session.bus.tap(note)
     try:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
-from dvtcli.domain.network.network_state import BOOT_TIME, IDENTITY, NMT_STARTUP, NetworkState, NodeState
+from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.objects import BOOT_TIME, DEVICE_TYPE, IDENTITY, NMT_STARTUP
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.check_networks import (
@@ -51,7 +52,7 @@ _NEED_A_FILE = {
     NOT_SENT.name: "the expected RPDOs are unknown; check a recording with a network file",
 }
 #: Identification and NMT settings of a node, which no file decides.
-_OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
+_OF_ITSELF = {IDENTITY, DEVICE_TYPE, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
 def check_all(session: SessionNodes, files: Sequence[str], options: CheckOptions) -> NetworksChecked:

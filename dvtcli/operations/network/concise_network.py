@@ -22,10 +22,10 @@ from dvtcli.domain.network.concise_dcf import (
 )
 from dvtcli.domain.network.network_config import ExpectedIdentity
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.objects import CONCISE_DCF, EXPECTED_DATE, EXPECTED_TIME, VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Plan, disables, mapping_differs
+from dvtcli.domain.plan import Plan, disables, mapping_differs
 from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import InputFileError, SdoAborted, UsageError
@@ -315,7 +315,7 @@ def _shown(one: ConciseEntry, dictionary: ObjectDictionary | None) -> str:
 
 
 #: Sub-index of 0x1020 for these objects: expected configuration date and time.
-_EXPECTED = {0x1F26: DATE, 0x1F27: TIME}
+_EXPECTED = {EXPECTED_DATE: DATE, EXPECTED_TIME: TIME}
 _NO_MANAGER = (
     "0x1F22 is the object of a CANopen manager (CiA 302-3) with its download values; check that the node-ID is the "
     "manager's"
@@ -388,7 +388,7 @@ def _node_plan(session: SessionUser, node: ReadableNode, mine: list[ConciseDcf])
 
 def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:
     """Return the manager's wanted values of a node; no date without a stamp: an old date would skip the download."""
-    stamp = {entry.sub_index: entry.data for entry in one.entries if entry.index == STAMP}
+    stamp = {entry.sub_index: entry.data for entry in one.entries if entry.index == VERIFY_CONFIGURATION}
     expected = {(index, one.node_id): stamp.get(sub_index, bytes(4)) for index, sub_index in _EXPECTED.items()}
     return {(CONCISE_DCF, one.node_id): one.data, **expected}
 
@@ -415,7 +415,7 @@ def no_manager(node: NodeDescription, place: str, aborted: SdoAborted) -> UsageE
 
 def _lacking(held: Mapping[tuple[int, int], bytes], mine: list[ConciseDcf]) -> list[int]:
     """List which of date and time the manager lacks for nodes with a stamp."""
-    stamped = [dcf.node_id for dcf in mine if any(entry.index == STAMP for entry in dcf.entries)]
+    stamped = [dcf.node_id for dcf in mine if any(entry.index == VERIFY_CONFIGURATION for entry in dcf.entries)]
     return [index for index in _EXPECTED if any((index, node_id) not in held for node_id in stamped)]
 
 

@@ -13,7 +13,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.links import agrees
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of, identifier_text
+from dvtcli.domain.network.network_state import identifier_of, identifier_text
 from dvtcli.domain.network.picture import (
     NetworkPicture,
     PictureDifference,
@@ -27,6 +27,7 @@ from dvtcli.domain.network.picture import (
 )
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.network.worst_case_load import fitting_bit_rates, streams_of, worst_case_load
+from dvtcli.domain.objects import COB_ID_EMCY, CYCLE_PERIOD
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
@@ -180,10 +181,10 @@ def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
             ", ".join(f"node {node_id} ({time_ms} ms)" for node_id, time_ms in sorted(node.watched.items())),
         )
     if node.produces_sync:
-        yield "SYNC", f"every {(node.number(SYNC_PERIOD) or 0) / 1000:g} ms"
+        yield "SYNC", f"every {(node.number(CYCLE_PERIOD) or 0) / 1000:g} ms"
     if node.emcy is not None:
         yield "EMCY", identifier_text(node.emcy)
-    elif node.number(EMCY_COB_ID) is not None:
+    elif node.number(COB_ID_EMCY) is not None:
         yield "EMCY", "off"
 
 

@@ -13,11 +13,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.device.read_pdos import ABSENT, IDENTITY, read_identity, read_optional
-from dvtcli.device.seen_state import HEARTBEAT_TIME
+from dvtcli.device.read_pdos import ABSENT, read_identity, read_optional
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import SDO_RESPONSE_BASE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
+from dvtcli.domain.objects import IDENTITY, PRODUCER_HEARTBEAT
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import NodeListing, NodeRow
 from dvtcli.operations.results.lss_nodes import BitRateFound, ReceivedAt
@@ -102,8 +103,6 @@ _Said = TypeVar("_Said")
 #: How long each node-ID has to answer, in seconds, and how many are asked at once.
 _ANSWER_S = 0.05
 _AT_ONCE = 8
-#: CAN-ID of an SDO response, plus the node-ID (CiA 301, 7.3.5).
-_SDO_ANSWER = 0x580
 #: The state of a node never heard: it sends no heartbeat (0x1017 is 0 or missing), or none was received yet.
 _UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
 #: Heartbeats are usually sent once a second or faster.
@@ -201,8 +200,8 @@ def _answers(bus: CanopenBus) -> Iterator[set[int]]:
     answered: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
-        if not sent and not frame.extended and 1 <= frame.can_id - _SDO_ANSWER <= 127:
-            answered.add(frame.can_id - _SDO_ANSWER)
+        if not sent and not frame.extended and 1 <= frame.can_id - SDO_RESPONSE_BASE <= 127:
+            answered.add(frame.can_id - SDO_RESPONSE_BASE)
 
     stop = bus.tap(note)
     try:
@@ -255,7 +254,7 @@ def _device_type(sdo: SdoTransport, limit_s: float | None, *, received: bool) ->
 def _silent(sdo: SdoTransport) -> str:
     """Describe the state of a node that answers but was not heard."""
     try:
-        return _UNKNOWN if read_optional(sdo, HEARTBEAT_TIME, 0, 2) else _NO_HEARTBEAT
+        return _UNKNOWN if read_optional(sdo, PRODUCER_HEARTBEAT, 0, 2) else _NO_HEARTBEAT
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return _UNKNOWN
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.program_download import ProgramDownload
-from dvtcli.device.programs import PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, ProgramNotes, Stage
+from dvtcli.device.programs import ProgramNotes, Stage
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import PROGRAM_CONTROL, PROGRAM_IDENTIFICATION
 from dvtcli.domain.profile import CRC32
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
@@ -144,7 +145,7 @@ class _ProgramNote:
 
 def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
     """Name *profile* as the source of the required 0x1F56 if this check *failed*."""
-    if profile and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
+    if profile and failed.place == f"{PROGRAM_IDENTIFICATION:04X}:{number:02X}":
         failed.hint = Hint(
             Action.GIVE,
             {"expect": "NUMBER"},

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import PROGRAM_DATA
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_name
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 _DOMAIN = BY_SHORT_NAME["domain"]
 #: maximum sub-index of a record (CiA 301, 7.4.1), and maximum entries of a PDO's mapping
 _MOST, _MOST_MAPPED = 254, 64
-#: programs: megabytes (CiA 302-3)
-_PROGRAMS = 0x1F50
 _TOO_LONG = "a DOMAIN is read alone, into a file"
 
 
@@ -98,7 +97,7 @@ def _entries(node: ReadableNode, index: int, count: int) -> Iterator[ValueRead |
 
 def _is_domain(node: NodeDescription, index: int, sub_index: int) -> bool:
     entry = node.dictionary.entry(index, sub_index) if node.dictionary is not None else None
-    return index == _PROGRAMS if entry is None else entry.data_type == _DOMAIN
+    return index == PROGRAM_DATA if entry is None else entry.data_type == _DOMAIN
 
 
 def _name(node: NodeDescription, index: int, sub_index: int) -> str:

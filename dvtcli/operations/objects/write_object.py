@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.client import MOST_BYTES
-from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
-from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES, STORE
+from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.datatypes import Kind, parse_number
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.object_syntax import resolve_object
+from dvtcli.domain.objects import CONCISE_DCF, RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.errors import DeviceRefused, InputFileError, RuleError, UsageError
@@ -180,10 +180,10 @@ def signature(session: SessionNodes, node: Node, index: int, sub_index: int, val
         word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"
         finding = error(
             "signature", place, f"{place} takes {word.decode()!r} only, not {value!r}", Abort.CANNOT_STORE,
-            Hint(Action.STORE if index == STORE else Action.RESTORE),
+            Hint(Action.STORE if index == STORE_PARAMETERS else Action.RESTORE),
         )  # fmt: skip
         raise RuleError(f"nothing was written: {finding.text}", [finding], node=node.node_id)
-    if index == RESTORE:
+    if index == RESTORE_PARAMETERS:
         return restore_defaults(session, node, sub_index, prove=False)
     return store_settings(session, node, sub_index)
 
@@ -212,7 +212,7 @@ class _FrameCount:
 
     def __init__(self, session: SessionUser, node_id: int, text: str, size: int | None) -> None:
         self._tell, self._text, self._size = session.reporter, text, size or 0
-        self._carrier = (REQUEST_ID if size is not None else ANSWER_ID) + node_id
+        self._carrier = (SDO_REQUEST_BASE if size is not None else SDO_RESPONSE_BASE) + node_id
         self._learns_size = size is None
         self._count = 0
 

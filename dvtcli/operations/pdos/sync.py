@@ -8,8 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.domain.cob_id import can_id_text
+from dvtcli.domain.can_ids import SYNC_ID
+from dvtcli.domain.cob_id import SYNC_BY_DEFAULT, can_id_text
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.objects import COB_ID_SYNC
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import SessionNodes
 
 #: the default SYNC (CiA 301, 7.5.2.5)
-DEFAULT = Frame(0x080, b"")
+DEFAULT = Frame(SYNC_ID, b"")
 _EXTENDED = 1 << 29
 
 
@@ -52,7 +54,7 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     sources = tuple(_source(node) for node in _nodes(session, node_ids))
     periods = [source.period_us for source in sources if source.period_us]
     listen_s = min(_LONGEST_S, max(_SHORTEST_S, 2e-6 * max(periods, default=0)))
-    identifiers = {(0x080, False)} | {(source.can_id, source.extended) for source in sources}
+    identifiers = {SYNC_BY_DEFAULT} | {(source.can_id, source.extended) for source in sources}
     received = sum((frame.can_id, frame.extended) in identifiers for frame in session.wire.receive(listen_s))
     checked = SyncCheck(sources, received, round(listen_s * 1000))
     text = "no known node produces SYNC, and synchronous PDOs wait for it"
@@ -92,7 +94,7 @@ def _source(node: ReadableNode) -> SyncSource:
     return SyncSource(node.node_id, read_optional(node.sdo, 0x1005, 0, 4), read_optional(node.sdo, 0x1006, 0, 4))
 
 
-_SYNC_ID, _USUAL, _PRODUCES, _CAN_ID = 0x1005, 0x080, 1 << 30, 0x7FF
+_PRODUCES, _CAN_ID = 1 << 30, 0x7FF
 _HEARTBEATS = range(0x701, 0x780)
 
 
@@ -131,9 +133,9 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
     held: list[int] = []
     for node in nodes:
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # who is silent explains nothing
-            held.append(read_optional(node.read_cache, _SYNC_ID, 0, 4) or 0)
+            held.append(read_optional(node.read_cache, COB_ID_SYNC, 0, 4) or 0)
     explained = {value & _CAN_ID for value in held if value & _PRODUCES}
-    meant = {_USUAL, *(value & _CAN_ID for value in held)}
+    meant = {SYNC_ID, *(value & _CAN_ID for value in held)}
     return tuple(sorted(strange & meant - explained))
 
 

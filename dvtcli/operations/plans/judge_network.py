@@ -16,7 +16,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint, has_place, sentence
 from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NodePlan
-from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.objects import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.profile import Severity

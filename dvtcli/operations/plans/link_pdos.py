@@ -19,8 +19,8 @@ from dvtcli.domain.network.network_config import (
     NodeConfig,
     PartialPdoConfig,
 )
-from dvtcli.domain.network.network_state import SYNC_COB_ID
 from dvtcli.domain.network.worst_case_load import SYNCHRONOUS
+from dvtcli.domain.objects import COB_ID_SYNC
 from dvtcli.domain.rules.finding import warning
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
@@ -161,7 +161,7 @@ def _with_sync_finding(session: SessionNodes, planned: NodePlan, producer: Endpo
 def _may_produce_sync(session: SessionNodes, node_id: int) -> bool:
     """Tell whether *node_id* produces SYNC, or cannot be asked."""
     try:
-        cob_id = read_optional(session.node(node_id).read_cache, SYNC_COB_ID, 0, 4) or 0
+        cob_id = read_optional(session.node(node_id).read_cache, COB_ID_SYNC, 0, 4) or 0
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return True
     return bool(cob_id & PRODUCES)

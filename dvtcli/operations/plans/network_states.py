@@ -12,28 +12,32 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_number, sdo_channels
-from dvtcli.domain.network.network_state import (
+from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.objects import (
     BOOT_TIME,
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
     CONCISE_DCF,
     CONSUMER_HEARTBEAT,
-    EMCY_COB_ID,
-    EMCY_INHIBIT,
+    CYCLE_PERIOD,
     ERROR_BEHAVIOUR,
+    EXPECTED_DEVICE_TYPE,
+    EXPECTED_PRODUCT,
+    EXPECTED_REVISION,
+    EXPECTED_SERIAL,
+    EXPECTED_VENDOR,
     GUARD_TIME,
     IDENTITY,
+    INHIBIT_TIME_EMCY,
     LIFE_TIME_FACTOR,
     NMT_STARTUP,
     PRODUCER_HEARTBEAT,
     REQUEST_GUARDING,
     REQUEST_NMT,
     SLAVE_ASSIGNMENT,
-    SYNC_COB_ID,
     SYNC_OVERFLOW,
-    SYNC_PERIOD,
     SYNC_WINDOW,
-    TIME_COB_ID,
-    NetworkState,
-    NodeState,
 )
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, ValueChange
@@ -51,8 +55,8 @@ if TYPE_CHECKING:
 
 #: Objects besides PDOs that a load depends on: index, sub-index, length in bytes.
 TIMING = (
-    (SYNC_COB_ID, 0, 4), (SYNC_PERIOD, 0, 4), (SYNC_WINDOW, 0, 4), (SYNC_OVERFLOW, 0, 1), (GUARD_TIME, 0, 2),
-    (LIFE_TIME_FACTOR, 0, 1), (TIME_COB_ID, 0, 4), (EMCY_COB_ID, 0, 4), (EMCY_INHIBIT, 0, 2),
+    (COB_ID_SYNC, 0, 4), (CYCLE_PERIOD, 0, 4), (SYNC_WINDOW, 0, 4), (SYNC_OVERFLOW, 0, 1), (GUARD_TIME, 0, 2),
+    (LIFE_TIME_FACTOR, 0, 1), (COB_ID_TIME, 0, 4), (COB_ID_EMCY, 0, 4), (INHIBIT_TIME_EMCY, 0, 2),
     (PRODUCER_HEARTBEAT, 0, 2),
 )  # fmt: skip
 #: Further objects for the rules of `check`.
@@ -61,8 +65,8 @@ JUDGED = (
 )  # fmt: skip
 #: Objects of an NMT master for the rules: an entry per node, lengths in bytes.
 _OF_MASTER = {
-    SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4,
-    0x1F87: 4, 0x1F88: 4,
+    SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, EXPECTED_DEVICE_TYPE: 4,
+    EXPECTED_VENDOR: 4, EXPECTED_PRODUCT: 4, EXPECTED_REVISION: 4, EXPECTED_SERIAL: 4,
 }  # fmt: skip
 
 
@@ -105,7 +109,7 @@ def states_beside(session: SessionNodes, read: Collection[int]) -> list[NodeStat
             node = network.node(node_id)
             cob_ids = node.known_cob_ids().items()
             pdos = {pdo: PdoConfig(PdoCommunicationParameter(cob_id), ()) for pdo, cob_id in cob_ids}
-            services = ((index, 0, 4) for index in (SYNC_COB_ID, SYNC_PERIOD, TIME_COB_ID, EMCY_COB_ID))
+            services = ((index, 0, 4) for index in (COB_ID_SYNC, CYCLE_PERIOD, COB_ID_TIME, COB_ID_EMCY))
             numbers = {
                 **dict(_numbers(node.read_cache, services, {})),
                 **sdo_channels(node.read_cache, node.dictionary),

@@ -16,17 +16,8 @@ from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.plan import (
-    SYNC_OVERFLOW,
-    SYNC_PERIOD,
-    Change,
-    PdoChange,
-    Plan,
-    Step,
-    ValueChange,
-    altering,
-    plan_pdo,
-)
+from dvtcli.domain.objects import CYCLE_PERIOD, SYNC_OVERFLOW
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, altering, plan_pdo
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
@@ -421,7 +412,7 @@ def _period_kept(
     node: ReadableNode, resolved: ResolvedConfig, held: Mapping[ObjectAddress, bytes | None]
 ) -> Mapping[ObjectAddress, bytes]:
     """Return the SYNC period to keep, if it blocks a wanted change and no other period is wanted."""
-    overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
+    overflow, period = (SYNC_OVERFLOW, 0), (CYCLE_PERIOD, 0)
     if period in resolved.values or held.get(overflow) == resolved.values.get(overflow):
         return {}
     number = node.observed(lambda: read_optional(node.read_cache, *period, 4))

@@ -14,7 +14,8 @@ from dvtcli.device.stamped import ended_stamp, held_stamp, stamp_changes
 from dvtcli.device.store.unstored import is_remembered
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.plan import STAMP, ValueChange
+from dvtcli.domain.objects import COMMUNICATION_AREA, VERIFY_CONFIGURATION
+from dvtcli.domain.plan import ValueChange
 from dvtcli.domain.rules.finding import NOTE, Rule, note
 from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.domain.text import all_nodes, plural
@@ -277,9 +278,9 @@ RULES = (
     Rule("stamp-foreign", NOTE, "`stamp: true` of a network file, but 0x1020 of the node is not a stamp of dvtcli",
          "CiA 301, 0x1020"),
 )  # fmt: skip
-_PLACE = f"0x{STAMP:04X}"
+_PLACE = f"0x{VERIFY_CONFIGURATION:04X}"
 #: Indices that are stored (0x1010), restored and reset together with the stamp (CiA 301, 7.5.2.13).
-_COMMUNICATION = range(0x1000, 0x2000)
+_WITH_STAMP = COMMUNICATION_AREA
 
 
 class Stamping(NamedTuple):
@@ -313,7 +314,7 @@ def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Sta
     if held.is_foreign:
         text = f"0x1020 is {held}, not a stamp of dvtcli: it is not changed, and the node gets no stamp"
         return Stamping({}, findings=(note("stamp-foreign", _PLACE, text),))
-    values = {(STAMP, sub_index): wanted.data(sub_index) for sub_index in (DATE, TIME)}
+    values = {(VERIFY_CONFIGURATION, sub_index): wanted.data(sub_index) for sub_index in (DATE, TIME)}
     due = changes or held != wanted
     return Stamping(values, stamp_changes(held, wanted, f"stamp: {wanted}") if due else ())
 
@@ -338,7 +339,7 @@ def _is_stamped(nodes: Mapping[int, Node], config: NodeConfig, wanted: Stamp | N
     guard = node.guard
     if node.unstored or (guard is not None and (guard.unfinished_journal() or is_remembered(node, guard.history))):
         return False
-    stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, config))
+    stored = all(index in _WITH_STAMP and node.profile.store.needed_for(index) for index in _indices(node, config))
     return stored and held_stamp(node) == wanted
 
 

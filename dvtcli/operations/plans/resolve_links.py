@@ -37,6 +37,7 @@ from dvtcli.domain.network.network_config import (
     ValueConfig,
 )
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Rule, error, note, warning
 from dvtcli.errors import RuleError
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.cob_id import CobId
 
 _HEARTBEAT = "heartbeat_producer"
-_CONSUMER = 0x1016
 
 
 @dataclass(slots=True)
@@ -142,7 +142,7 @@ def _configured_slots(values: Iterable[ValueConfig]) -> dict[int, int]:
     found: dict[int, int] = {}
     for value in values:
         place = parse_object(value.object.text)
-        if place is not None and place[0] == _CONSUMER:
+        if place is not None and place[0] == CONSUMER_HEARTBEAT:
             with suppress(ValueError):
                 found[place[1]] = int(value.value.text, 0)
     return found

@@ -23,6 +23,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_config import ValueConfig
 from dvtcli.domain.network.network_plan import MissingObject
 from dvtcli.domain.object_syntax import Skipped, UnknownName
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.request import PdoRequest, Switched
@@ -120,7 +121,6 @@ def _index(node: NodeDescription, config: PinConfig, log: FileLog) -> int | None
         return None
 
 
-_CONSUMER_HEARTBEAT = 0x1016
 #: What to do about a name on a node without description.
 _NO_EDS = (
     "add `dcf: drive.eds` next to its `node_id` (`dcf: generic`: a simulated family), or a file to the library; "
@@ -311,12 +311,12 @@ def _watches(
     if not config.watches:
         return ()
     wanted: dict[int, ResolvedValue] = {}
-    count = read_optional(node.read_cache, _CONSUMER_HEARTBEAT, 0, 1) or 0
-    held = {sub: read_optional(node.read_cache, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
+    count = read_optional(node.read_cache, CONSUMER_HEARTBEAT, 0, 1) or 0
+    held = {sub: read_optional(node.read_cache, CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
     mine = {
         said_value.place[1]: int.from_bytes(said_value.data, "little")
         for said_value in said
-        if said_value.place[0] == _CONSUMER_HEARTBEAT
+        if said_value.place[0] == CONSUMER_HEARTBEAT
     }
     slots = {sub: value for sub, value in held.items() if value is not None and sub not in mine}
     slots |= {sub: value for sub, value in mine.items() if sub and not value and held.get(sub) is not None}
@@ -336,7 +336,7 @@ def _watches(
         late = f"late after {watch.time_ms} ms" if watch.time_ms else "no longer monitored"
         reason = f"node {watch.producer} is {late}"
         data = slots[sub].to_bytes(4, "little")
-        wanted[sub] = ResolvedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
+        wanted[sub] = ResolvedValue((CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
     return wanted.values()
 
 
@@ -347,7 +347,7 @@ def _entry_of(producer: int, entries: Mapping[int, int]) -> int | None:
 
 def _is_free_entry(want: ResolvedValue) -> bool:
     """Tell whether an entry of 0x1016 is to be unused."""
-    return want.place[0] == _CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
+    return want.place[0] == CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
 
 
 def _used(value: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.can_ids import SYNC_ID
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.hint import Hint
@@ -271,7 +272,7 @@ class Synced(Answer):
     period_ms: float
     frames: tuple[tuple[Frame, int, str], ...]
     dry_run: bool
-    can_id: int = 0x080
+    can_id: int = SYNC_ID
     exit_code: int = 0
     #: whether that CAN-ID has 29 bits
     extended: bool = False

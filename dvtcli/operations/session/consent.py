@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.device.seen_state import CONTROLWORDS, STATUSWORDS, why_it_may_move
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, NMT_ID
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import concise_entries
@@ -68,7 +69,6 @@ def concise_doubts(node: NodeDescription, downloads: Mapping[int, bytes], *, for
 
 #: How long the bus is listened to before several nodes are written to, in seconds.
 LISTEN_S = 2.0
-_NMT, _LSS_MASTER = 0x000, 0x7E5
 _SDO_REQUESTS = range(0x601, 0x680)
 
 
@@ -96,9 +96,9 @@ def _request(frame: Frame) -> str:
     """Describe *frame* as a master's request; empty if it is none."""
     if frame.extended or frame.remote:
         return ""
-    if frame.can_id == _NMT:
+    if frame.can_id == NMT_ID:
         return "an NMT command"
-    if frame.can_id == _LSS_MASTER:
+    if frame.can_id == LSS_REQUEST_ID:
         return "an LSS command"
     return f"an SDO request to node {frame.can_id - 0x600}" if frame.can_id in _SDO_REQUESTS else ""
 

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import unlike_file
-from dvtcli.device.read_pdos import IDENTITY, ReadCache, read_identity, read_modules, read_optional
+from dvtcli.device.read_pdos import ReadCache, read_identity, read_modules, read_optional
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.text import join_some

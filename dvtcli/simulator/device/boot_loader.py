@@ -9,9 +9,9 @@ from binascii import crc32
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from dvtcli.simulator.device.memory import Refusal
 
-_DATA, _CONTROL, _IDENTIFICATION, _STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 _STOPPED, _STARTED, _CLEARED = 0, 1, 3
 _AT_WORK, _NO_PROGRAM, _NOT_CLEARED, _WRITE_ERROR = 1, 1 << 1, 4 << 1, 5 << 1
 #: how often the status says "at work" after a program was cleared or written
@@ -35,14 +35,14 @@ class BootLoader:
 
     def handles(self, index: int, sub_index: int) -> bool:
         """True if the object belongs to the boot loader."""
-        return sub_index == 1 and index in (_DATA, _CONTROL, _IDENTIFICATION, _STATUS)
+        return sub_index == 1 and index in (PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS)
 
     def read(self, index: int) -> bytes:
         """The value of the control, identification or status object. Raises Refusal if it is refused while busy."""
         self._refuse_if_busy()
-        if index == _CONTROL:
+        if index == PROGRAM_CONTROL:
             return bytes([self._control])
-        if index == _IDENTIFICATION:
+        if index == PROGRAM_IDENTIFICATION:
             return (0 if self.program is None else crc32(self.program)).to_bytes(4, "little")
         if self._busy:
             self._busy -= 1
@@ -56,7 +56,7 @@ class BootLoader:
 
     def begin(self, index: int) -> None:
         """Begin a program download. Raises Refusal unless the flash memory is clear; afterwards it is not."""
-        if index != _DATA:
+        if index != PROGRAM_DATA:
             return
         if not self._is_clear:
             self._status = _NOT_CLEARED
@@ -65,7 +65,7 @@ class BootLoader:
 
     def take(self, index: int, data: bytes, state: NmtState) -> bool:
         """Take a program or a command; true if the device resets. Raises Refusal in the wrong state."""
-        if index == _DATA:
+        if index == PROGRAM_DATA:
             self._write(data)
             return False
         self._refuse_if_busy()

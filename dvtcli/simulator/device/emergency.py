@@ -9,11 +9,11 @@ from collections import deque
 from collections.abc import Hashable
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.objects import COB_ID_EMCY, ERROR_FIELD, ERROR_REGISTER, INHIBIT_TIME_EMCY
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import ErrorList
 from dvtcli.simulator.device.memory import Memory, Refusal
 
-ERROR_REGISTER, ERROR_HISTORY, EMCY_COB_ID, EMCY_INHIBIT = 0x1001, 0x1003, 0x1014, 0x1015
 NO_ERROR = 0x0000
 _GENERIC = 0x01
 #: the class of an error code, its highest hex digit -> its bit of 0x1001 (CiA 301, tables 26 and 48)
@@ -52,7 +52,7 @@ class Emergencies:
 
     def check(self, index: int, _sub_index: int, data: bytes) -> None:
         """Refuse a download to the history other than 0, which clears the history (CiA 301, 7.5.2.4)."""
-        if index == ERROR_HISTORY and any(data):
+        if index == ERROR_FIELD and any(data):
             raise Refusal(Abort.VALUE_RANGE)
 
     def set(self, source: Hashable, code: int) -> list[Frame]:
@@ -89,15 +89,15 @@ class Emergencies:
 
     def forget_history(self) -> None:
         """Clear 0x1003, as writing 0 to its sub-index 0 does."""
-        for sub_index in range(1, (self._memory.highest_sub_index(ERROR_HISTORY) or 0) + 1):
-            if self._memory.exists(ERROR_HISTORY, sub_index):
-                self._memory.write(ERROR_HISTORY, sub_index, bytes(4))
+        for sub_index in range(1, (self._memory.highest_sub_index(ERROR_FIELD) or 0) + 1):
+            if self._memory.exists(ERROR_FIELD, sub_index):
+                self._memory.write(ERROR_FIELD, sub_index, bytes(4))
 
     def poll(self, now_s: float) -> list[Frame]:
         """The frame released by the inhibit time at *now_s* (s)."""
         if now_s < self.due_s:
             return []
-        self._quiet_until_s = now_s + self._memory.number(EMCY_INHIBIT, 0) / 10_000
+        self._quiet_until_s = now_s + self._memory.number(INHIBIT_TIME_EMCY, 0) / 10_000
         return [self._waiting.popleft()]
 
     def _send(self, code: int) -> list[Frame]:
@@ -105,7 +105,7 @@ class Emergencies:
         frame = self._frame(code, self._update_register())
         if frame is None:
             return []
-        if not self._memory.number(EMCY_INHIBIT, 0):
+        if not self._memory.number(INHIBIT_TIME_EMCY, 0):
             return [frame]
         self._waiting.append(frame)
         self._memory.touch()
@@ -113,7 +113,7 @@ class Emergencies:
 
     def _frame(self, code: int, register: int) -> Frame | None:
         """The EMCY frame, None if 0x1014 disables EMCY."""
-        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self._memory.node_id)
+        raw = self._memory.number(COB_ID_EMCY, 0, missing=0x80 + self._memory.node_id)
         if raw & _INVALID:
             return None
         data = code.to_bytes(2, "little") + bytes([register]) + bytes(5)
@@ -133,11 +133,11 @@ class Emergencies:
 
     def _remember(self, code: int) -> None:
         """Add *code* at the top of the history, if the device has a history."""
-        last = self._memory.highest_sub_index(ERROR_HISTORY)
+        last = self._memory.highest_sub_index(ERROR_FIELD)
         if not last:
             return
-        count = self._memory.number(ERROR_HISTORY, 0)
+        count = self._memory.number(ERROR_FIELD, 0)
         for sub_index in range(min(count + 1, last), 1, -1):
-            self._memory.write(ERROR_HISTORY, sub_index, self._memory.read(ERROR_HISTORY, sub_index - 1))
-        self._memory.write(ERROR_HISTORY, 1, code.to_bytes(4, "little"))
-        self._memory.write(ERROR_HISTORY, 0, bytes([min(count + 1, last)]))
+            self._memory.write(ERROR_FIELD, sub_index, self._memory.read(ERROR_FIELD, sub_index - 1))
+        self._memory.write(ERROR_FIELD, 1, code.to_bytes(4, "little"))
+        self._memory.write(ERROR_FIELD, 0, bytes([min(count + 1, last)]))

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from dvtcli.domain.objects import STORE_PARAMETERS
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.memory import STORE, Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.sdo_server import (
     BLOCK_DOWNLOAD,
     BLOCK_UPLOAD,
@@ -139,7 +140,7 @@ class FaultyServer:
             self._reads = 0
             fault = self._due.pop(self.downloads, None)
             answer = self._plain(request) if fault is None else self._acted(fault, request, now_s)
-            if int.from_bytes(request[1:3], "little") == STORE:
+            if int.from_bytes(request[1:3], "little") == STORE_PARAMETERS:
                 return FaultyReply(answer.frames, answer.delay_s + self._store_delay_s)
             return answer
         return self._plain(request)

@@ -8,20 +8,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import HEARTBEAT_BASE, SYNC_ID
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
+    CONSUMER_HEARTBEAT,
+    CYCLE_PERIOD,
+    ERROR_BEHAVIOUR,
+    ERROR_FIELD,
+    FURTHER_SDO_CHANNELS,
+    GUARD_TIME,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+    SYNC_OVERFLOW,
+)
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import ObjectAddress
-from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
+from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family, MotorCopy, PinCopy
 from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
 from dvtcli.simulator.device.safety import SafetyObjects
 
-SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29
-_DEFAULT_CAN_ID = 0x80
-_TIME_COB_ID, _EMCY_COB_ID, _SDO_CHANNELS = 0x1012, 0x1014, range(0x1201, 0x1300)
 _INVALID, _TIME_USED, _FROZEN = 1 << 31, 3 << 30, 0x3FFF_FFFF
 
 
@@ -42,24 +54,24 @@ class SyncProducer:
         """Refuse a download to 0x1005 or 0x1019 that the standard forbids while SYNCs are produced."""
         if index == SYNC_OVERFLOW:
             self._check_overflow(data)
-        elif index == SYNC_COB_ID:
+        elif index == COB_ID_SYNC:
             self._check_cob_id(data)
 
     def _check_overflow(self, data: bytes) -> None:
         """CiA 301, 7.5.2.22: not to be changed while the SYNC period is not 0."""
-        if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(SYNC_PERIOD, 0):
+        if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(CYCLE_PERIOD, 0):
             raise Refusal(Abort.DEVICE_STATE)
 
     def _check_cob_id(self, data: bytes) -> None:
         """CiA 301, 7.5.2.5: bits 29 to 0 are not to be changed while the node produces SYNC (bit 30)."""
-        held, wanted = self._memory.number(SYNC_COB_ID, 0), int.from_bytes(data, "little")
+        held, wanted = self._memory.number(COB_ID_SYNC, 0), int.from_bytes(data, "little")
         if held & wanted & _PRODUCES and (held ^ wanted) & 0x3FFF_FFFF:
             raise Refusal(Abort.VALUE_RANGE)
 
     def poll(self, now_s: float) -> Frame | None:
         """The SYNC due at *now_s* (s); the first follows one period (0x1006, µs) after activation."""
-        raw = self._memory.number(SYNC_COB_ID, 0, missing=_DEFAULT_CAN_ID)
-        period_us = self._memory.number(SYNC_PERIOD, 0) if raw & _PRODUCES else 0
+        raw = self._memory.number(COB_ID_SYNC, 0, missing=SYNC_ID)
+        period_us = self._memory.number(CYCLE_PERIOD, 0) if raw & _PRODUCES else 0
         if period_us != self._period_us:
             self.reset()
             self._period_us = period_us
@@ -90,7 +102,7 @@ class ServiceCobIds:
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
         """Refuse a change of bits 29 to 0 for a service in use."""
-        if index not in (_TIME_COB_ID, _EMCY_COB_ID) and not (index in _SDO_CHANNELS and sub_index in (1, 2)):
+        if index not in (COB_ID_TIME, COB_ID_EMCY) and not (index in FURTHER_SDO_CHANNELS and sub_index in (1, 2)):
             return
         held, wanted = self._memory.number(index, sub_index), int.from_bytes(data, "little")
         if _is_used(index, held) and _is_used(index, wanted) and (held ^ wanted) & _FROZEN:
@@ -98,7 +110,7 @@ class ServiceCobIds:
 
 
 def _is_used(index: int, raw: int) -> bool:
-    return bool(raw & _TIME_USED) if index == _TIME_COB_ID else not raw & _INVALID
+    return bool(raw & _TIME_USED) if index == COB_ID_TIME else not raw & _INVALID
 
 
 class VirtualPdos:
@@ -159,7 +171,6 @@ class VirtualPdos:
             self._memory.write(*place, data)
 
 
-ERROR_BEHAVIOUR = 0x1029
 _NEVER = float("inf")
 #: value of 0x1029:1 -> the state that a communication error leads to; others keep the state (CiA 301, 7.5.2.32)
 _AFTER_AN_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
@@ -224,12 +235,12 @@ class FrameServices:
 
     def written(self, index: int) -> None:
         """Apply an SDO download to an object at *index*."""
-        self._sync_changes += index == SYNC_COB_ID
-        if index == ERROR_HISTORY:
+        self._sync_changes += index == COB_ID_SYNC
+        if index == ERROR_FIELD:
             self._errors.forget_history()
         if self._error_list is not None and index == self._error_list.position[0]:
             self._errors.list_active()
-        if index == CONSUMER_TIMES:
+        if index == CONSUMER_HEARTBEAT:
             self._producers.configure()
         self._safety.written(index)
         self.changed(index)
@@ -282,7 +293,7 @@ class FrameServices:
 
     def hears_sync(self, frame: Frame) -> bool:
         """True if *frame* is the device's SYNC (0x1005, else 0x080)."""
-        raw = self._memory.number(SYNC_COB_ID, 0, missing=0x80)
+        raw = self._memory.number(COB_ID_SYNC, 0, missing=0x80)
         return not frame.remote and (frame.can_id, frame.extended) == (raw & 0x1FFF_FFFF, bool(raw & 1 << 29))
 
     def poll(self, now_s: float) -> list[Frame]:
@@ -361,9 +372,6 @@ def _virtual_pdos(memory: Memory, family: Family) -> VirtualPdos | None:
     return VirtualPdos(memory, family)
 
 
-CONSUMER_TIMES, HEARTBEAT_TIME = 0x1016, 0x1017
-GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D
-HEARTBEAT = 0x700
 #: the EMCY error code of a producer that is not heard any more (CiA 301, table 26)
 PRODUCER_LOST = 0x8130
 
@@ -382,7 +390,7 @@ class Heartbeat:
 
     def poll(self, now_s: float, state: NmtState) -> list[Frame]:
         """The heartbeat due at *now_s* (s), with *state*."""
-        period_ms = self._memory.number(HEARTBEAT_TIME, 0)
+        period_ms = self._memory.number(PRODUCER_HEARTBEAT, 0)
         if period_ms != self._period_ms:
             self._period_ms, self.due_s = period_ms, now_s if period_ms else _NEVER
         if now_s < self.due_s:
@@ -390,7 +398,7 @@ class Heartbeat:
         period_s = period_ms / 1000
         late = now_s >= self.due_s + period_s
         self.due_s = (now_s if late else self.due_s) + period_s
-        return [Frame(HEARTBEAT + self._memory.node_id, bytes([state]))]
+        return [Frame(HEARTBEAT_BASE + self._memory.node_id, bytes([state]))]
 
 
 class GuardingResponse:
@@ -409,18 +417,18 @@ class GuardingResponse:
 
     def concerns(self, frame: Frame) -> bool:
         """True if *frame* requests the device's state."""
-        return frame.remote and not frame.extended and frame.can_id == HEARTBEAT + self._memory.node_id
+        return frame.remote and not frame.extended and frame.can_id == HEARTBEAT_BASE + self._memory.node_id
 
     def listens(self, frame: Frame) -> bool:
         """True if *frame* requests the device's state, and the device answers."""
         if not self.concerns(frame):
             return False
-        return self._memory.exists(GUARD_TIME, 0) and not self._memory.number(HEARTBEAT_TIME, 0)
+        return self._memory.exists(GUARD_TIME, 0) and not self._memory.number(PRODUCER_HEARTBEAT, 0)
 
     def answer(self, state: NmtState) -> Frame:
         """The device's answer in *state*; the next answer has the other toggle bit."""
         toggle, self._toggle = self._toggle, self._toggle ^ 0x80
-        return Frame(HEARTBEAT + self._memory.node_id, bytes([toggle | state]))
+        return Frame(HEARTBEAT_BASE + self._memory.node_id, bytes([toggle | state]))
 
 
 class HeartbeatConsumer:
@@ -450,7 +458,7 @@ class HeartbeatConsumer:
         wanted = int.from_bytes(data, "little")
         if index in (GUARD_TIME, LIFE_TIME_FACTOR) and wanted and self._memory.backing is None:
             raise Refusal(Abort.VALUE_RANGE)
-        if index != CONSUMER_TIMES or not sub_index or not wanted & 0xFFFF:
+        if index != CONSUMER_HEARTBEAT or not sub_index or not wanted & 0xFFFF:
             return
         others = (raw for sub, raw in self._entries().items() if sub != sub_index)
         if any(raw & 0xFFFF and (raw ^ wanted) >> 16 & 0xFF == 0 for raw in others):
@@ -458,14 +466,14 @@ class HeartbeatConsumer:
 
     def listens(self, frame: Frame) -> bool:
         """True if *frame* is a heartbeat of a monitored producer."""
-        return frame.can_id - HEARTBEAT in self._times_s and not frame.extended and not frame.remote
+        return frame.can_id - HEARTBEAT_BASE in self._times_s and not frame.extended and not frame.remote
 
     def hear(self, frame: Frame) -> list[Frame]:
         """Receive a heartbeat; the EMCY frames: none, or the end of an error."""
-        producer = frame.can_id - HEARTBEAT
+        producer = frame.can_id - HEARTBEAT_BASE
         self._received.add(producer)
         self._memory.touch()
-        return self._errors.clear((CONSUMER_TIMES, producer))
+        return self._errors.clear((CONSUMER_HEARTBEAT, producer))
 
     def poll(self, now_s: float) -> list[Frame] | None:
         """The EMCY frames for producers lost by *now_s* (s), None without a loss."""
@@ -476,10 +484,10 @@ class HeartbeatConsumer:
         frames: list[Frame] = []
         for producer in lost:
             del self._until_s[producer]
-            frames += self._errors.set((CONSUMER_TIMES, producer), PRODUCER_LOST)
+            frames += self._errors.set((CONSUMER_HEARTBEAT, producer), PRODUCER_LOST)
         self.due_s = min(self._until_s.values(), default=_NEVER)
         return frames if lost else None
 
     def _entries(self) -> dict[int, int]:
-        last = self._memory.highest_sub_index(CONSUMER_TIMES) or 0
-        return {sub: self._memory.number(CONSUMER_TIMES, sub) for sub in range(1, last + 1)}
+        last = self._memory.highest_sub_index(CONSUMER_HEARTBEAT) or 0
+        return {sub: self._memory.number(CONSUMER_HEARTBEAT, sub) for sub in range(1, last + 1)}

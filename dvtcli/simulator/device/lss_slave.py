@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.objects import IDENTITY
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.memory import Memory, ParameterAreas
-
-IDENTITY = 0x1018
 
 SWITCH_GLOBAL, CONFIGURE_NODE_ID, CONFIGURE_BIT_TIMING = 0x04, 0x11, 0x13
 ACTIVATE_BIT_TIMING, STORE_CONFIGURATION = 0x15, 0x17

@@ -8,12 +8,12 @@ from types import MappingProxyType
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import U8, U16, U32, DataType
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.family import Family, Range
 
 Backing = Callable[[int, int], bytes]
 Key = tuple[int, int]
-STORE, RESTORE = 0x1010, 0x1011
 _MISSING = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 #: What a PDO wakes with whose file tells no COB-ID, or 0x000, which is NMT: it does not exist (bit 31).
 _OFF, _COB_ID_BYTES = bytes([0, 0, 0, 0x80]), 4
@@ -148,7 +148,7 @@ class Memory:
         entry = self.entry(index, sub_index)
         if entry is not None and entry.data_type is not None:
             return entry.data_type
-        if index in (STORE, RESTORE):
+        if index in (STORE_PARAMETERS, RESTORE_PARAMETERS):
             return U32 if sub_index else U8
         pdo = Pdo.at(index)
         if pdo is None:
@@ -206,7 +206,7 @@ def _is_cob_id(index: int, sub_index: int) -> bool:
     return pdo is not None and (index, sub_index) == (pdo.communication_index, 1)
 
 
-_SIGNATURES = {STORE: b"save", RESTORE: b"load"}
+_SIGNATURES = {STORE_PARAMETERS: b"save", RESTORE_PARAMETERS: b"load"}
 ALL: Range = (0x0000, 0xFFFF)
 COMMUNICATION: Range = (0x1000, 0x1FFF)
 _APPLICATION: Range = (0x6000, 0x9FFF)
@@ -238,12 +238,12 @@ class ParameterAreas:
         if index in _SIGNATURES and data != _SIGNATURES[index]:
             self._wrong_signature(index)
             return
-        if index == RESTORE:
+        if index == RESTORE_PARAMETERS:
             if not self.restores_nothing:
                 self._to_restore.add(area)
                 self._memory.stored_changes += 1
             return
-        if index == STORE and self._family.save_answer:
+        if index == STORE_PARAMETERS and self._family.save_answer:
             raise Refusal(self._family.save_answer)
         if self.fails:
             raise Refusal(Abort.HARDWARE)
@@ -255,7 +255,7 @@ class ParameterAreas:
 
     def _wrong_signature(self, index: int) -> None:
         """Raise Refusal, unless the family accepts any value at 0x1010; only the signature has an effect."""
-        code = self._family.wrong_signature if index == STORE else Abort.CANNOT_STORE
+        code = self._family.wrong_signature if index == STORE_PARAMETERS else Abort.CANNOT_STORE
         if code:
             raise Refusal(code)
 

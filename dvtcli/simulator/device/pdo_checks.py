@@ -9,14 +9,13 @@ from functools import cached_property
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.objects import SAFETY
 from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import BitPolicy, within
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Memory, Refusal
 
 _ENFORCED_GRANULARITIES = (1, 8)
-#: SRDOs and their configuration (EN 50325-5), which no PDO carries, whatever a file says.
-_SAFETY = range(0x1300, 0x1400)
 _MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
@@ -80,7 +79,7 @@ class EntryChecks:
         except Refusal as missing:
             answer_check(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
             return None
-        if entry.index in _SAFETY:
+        if entry.index in SAFETY:
             answer_check(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
         self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)

@@ -6,13 +6,13 @@ from binascii import crc_hqx
 from dataclasses import dataclass
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.objects import SAFETY_SIGNATURES, SAFETY_VALID, SRDO_COMMUNICATION, SRDO_MAPPING
 from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import collect, spread
 
-_COMMUNICATION, _MAPPING, _VALID, _SIGNATURES = range(0x1301, 0x1341), range(0x1381, 0x13C1), 0x13FE, 0x13FF
 #: sub-indices of a communication parameter
 _DIRECTION, _REFRESH_TIME, _VALIDATION_TIME, _TRANSMISSION_TYPE, _PLAIN, _INVERTED = range(1, 7)
 _OFF, _SENT, _RECEIVED = range(3)
@@ -48,7 +48,7 @@ class SafetyObjects:
     def __init__(self, memory: Memory, errors: Emergencies) -> None:
         self._memory = memory
         self._errors = errors
-        self._exist = memory.backing is None and memory.exists(_VALID, 0)
+        self._exist = memory.backing is None and memory.exists(SAFETY_VALID, 0)
         self._operational = False
         self._srdos: list[_Srdo] = []
         self.changes = 0
@@ -61,16 +61,16 @@ class SafetyObjects:
         if self._operational:
             raise Refusal(Abort.DEVICE_STATE)
         value = int.from_bytes(data, "little")
-        if index in _COMMUNICATION and not _is_possible(sub_index, value):
+        if index in SRDO_COMMUNICATION and not _is_possible(sub_index, value):
             raise Refusal(Abort.VALUE_RANGE)
-        if index in _MAPPING:
+        if index in SRDO_MAPPING:
             self._check_mapping(index, sub_index, value)
 
     def _configures(self, index: int) -> bool:
-        return index in _COMMUNICATION or index in _MAPPING or index in (_VALID, _SIGNATURES)
+        return index in SRDO_COMMUNICATION or index in SRDO_MAPPING or index in (SAFETY_VALID, SAFETY_SIGNATURES)
 
     def _check_mapping(self, index: int, sub_index: int, value: int) -> None:
-        is_used = self._memory.number(index - _MAPPING.start + _COMMUNICATION.start, _DIRECTION) != _OFF
+        is_used = self._memory.number(index - SRDO_MAPPING.start + SRDO_COMMUNICATION.start, _DIRECTION) != _OFF
         if is_used or (sub_index and self._memory.number(index, 0)):
             raise Refusal(Abort.UNSUPPORTED_ACCESS)
         if not sub_index and (value > _MOST_ENTRIES or value % 2):
@@ -78,26 +78,26 @@ class SafetyObjects:
 
     def written(self, index: int) -> None:
         """Invalidate the configuration after a write to a part of it."""
-        if self._exist and self._configures(index) and index != _VALID:
-            self._memory.write(_VALID, 0, b"\0")
+        if self._exist and self._configures(index) and index != SAFETY_VALID:
+            self._memory.write(SAFETY_VALID, 0, b"\0")
 
     def start(self, *, operational: bool) -> list[Frame]:
         """Begin in a new NMT state; the EMCY if the configuration is not the one that was signed."""
         self._operational = operational
         self.changes += 1
         self._srdos, self.due_s = [], _NEVER
-        if not self._exist or not operational or self._memory.number(_VALID, 0) != _IS_VALID:
+        if not self._exist or not operational or self._memory.number(SAFETY_VALID, 0) != _IS_VALID:
             return []
-        used = [index for index in _COMMUNICATION if self._memory.number(index, _DIRECTION) != _OFF]
-        if any(self._signature(index) != self._memory.number(_SIGNATURES, _number(index)) for index in used):
-            self._memory.write(_VALID, 0, b"\0")
-            return self._errors.set(_VALID, CONFIGURATION_ERROR)
+        used = [index for index in SRDO_COMMUNICATION if self._memory.number(index, _DIRECTION) != _OFF]
+        if any(self._signature(index) != self._memory.number(SAFETY_SIGNATURES, _number(index)) for index in used):
+            self._memory.write(SAFETY_VALID, 0, b"\0")
+            return self._errors.set(SAFETY_VALID, CONFIGURATION_ERROR)
         self._srdos = [self._srdo(index) for index in used]
-        return self._errors.clear(_VALID)
+        return self._errors.clear(SAFETY_VALID)
 
     def _signature(self, index: int) -> int:
         """The CRC of an SRDO's parameters, in the order of their sub-indices; each entry with its sub-index."""
-        number, mapping = self._memory.number, _MAPPING.start + _number(index) - 1
+        number, mapping = self._memory.number, SRDO_MAPPING.start + _number(index) - 1
         count = number(mapping, 0)
         data = bytes([number(index, _DIRECTION)]) + number(index, _REFRESH_TIME).to_bytes(2, "little")
         data += bytes([number(index, _VALIDATION_TIME)])
@@ -108,7 +108,7 @@ class SafetyObjects:
         return crc_hqx(data, 0)
 
     def _srdo(self, index: int) -> _Srdo:
-        mapping = _MAPPING.start + _number(index) - 1
+        mapping = SRDO_MAPPING.start + _number(index) - 1
         count = self._memory.number(mapping, 0)
         entries = [PdoMappingEntry.from_raw(self._memory.number(mapping, sub)) for sub in range(1, count + 1)]
         is_sent = self._memory.number(index, _DIRECTION) == _SENT
@@ -157,7 +157,7 @@ class SafetyObjects:
 
 
 def _number(communication_index: int) -> int:
-    return communication_index - _COMMUNICATION.start + 1
+    return communication_index - SRDO_COMMUNICATION.start + 1
 
 
 def _inverted(data: bytes) -> bytes:

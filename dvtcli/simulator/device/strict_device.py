@@ -10,12 +10,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.frame_services import HEARTBEAT, FrameServices
+from dvtcli.simulator.device.frame_services import FrameServices
 from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas, Refusal
 from dvtcli.simulator.device.pdo_checks import PdoChecks, answer_check, limit_check
 from dvtcli.simulator.device.write_conditions import WriteConditions
@@ -110,8 +112,6 @@ class Judge:
             answer_check(self._family, pdo, check, outside.code)
 
 
-#: Verify configuration (CiA 301, 7.5.2.23).
-_STAMP = 0x1020
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,
     NmtCommand.STOP: NmtState.STOPPED,
@@ -283,7 +283,7 @@ class StrictDevice:
         if self.node_id == UNCONFIGURED:
             return
         if self.family.boot_up_message:
-            self.outbox.append(Frame(HEARTBEAT + self.node_id, b"\0"))
+            self.outbox.append(Frame(HEARTBEAT_BASE + self.node_id, b"\0"))
         self.state = self.family.boot_state
         self.services.booted()
 
@@ -312,7 +312,7 @@ class StrictDevice:
         self._memory.write(index, sub_index, data)
         if held != data:
             for part in (1, 2):
-                self._memory.write(_STAMP, part, bytes(4))
+                self._memory.write(VERIFY_CONFIGURATION, part, bytes(4))
         self.areas.keep_written(index)
         self.services.written(index)
         self.state = self._conditions.granted(self._conditions.forced_state(index, sub_index), self.state)
@@ -328,7 +328,11 @@ class StrictDevice:
 
     def _clears_stamp_for(self, index: int, sub_index: int) -> bool:
         """True if a write to the object clears 0x1020: the object is configuration, not a process value."""
-        if not self.family.clears_stamp or index == _STAMP or self._memory.entry(_STAMP, 1) is None:
+        if (
+            not self.family.clears_stamp
+            or index == VERIFY_CONFIGURATION
+            or self._memory.entry(VERIFY_CONFIGURATION, 1) is None
+        ):
             return False
         entry = self._memory.entry(index, sub_index)
         return entry is None or not entry.pdo_mapping

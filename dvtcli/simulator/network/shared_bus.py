@@ -10,13 +10,14 @@ from queue import Empty, SimpleQueue
 from time import monotonic, time
 from typing import Protocol
 
+from dvtcli.domain.can_ids import SDO_RESPONSE_BASE
 from dvtcli.domain.frame_bits import arbitration, frame_bits
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.hub import Hub
 from dvtcli.simulator.network.hub_client import Client, frame_line
-from dvtcli.simulator.network.station import SDO_RESPONSE, Roster, SimulatedNode
+from dvtcli.simulator.network.station import Roster, SimulatedNode
 
 #: Waits for the bus that failed until it is back, or (None) until the function that it is given says to stop.
 ComeBack = Callable[[CanopenBus, BusUnavailable, Callable[[], bool]], CanopenBus | None]
@@ -238,7 +239,7 @@ class Server:
     def _say(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         """Send *frame* of *node*; an SDO answer after its latency."""
         latency_s = self._latencies_s.get(node)
-        if latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
+        if latency_s and frame.can_id == SDO_RESPONSE_BASE + node.device.node_id and not frame.extended:
             self._answers += 1
             heappush(self._thinking, (at_s + latency_s, self._answers, node, frame))
         elif self._wire.full(node):

@@ -8,6 +8,7 @@ from functools import partial
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, LSS_RESPONSE_ID, NMT_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.plant import NEVER, Plant, Source, is_drive
@@ -19,10 +20,8 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.network.signals import SimulatedSignal
 
-NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 #: how long the next frame of a block transfer is waited for (s): a client on a busy computer may take seconds
 BLOCK_PATIENCE_S = 10.0
-LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
 class SimulatedNode:
@@ -81,11 +80,11 @@ class SimulatedNode:
         """The node's immediate answers to *frame* at *now_s* (s, monotonic), in order."""
         if self._dead or now_s < self._quiet_until_s:
             return []
-        if not frame.extended and frame.can_id == NMT_CAN_ID:
+        if not frame.extended and frame.can_id == NMT_ID:
             self._obey(frame)
-        elif not frame.extended and frame.can_id == LSS_MASTER:
+        elif not frame.extended and frame.can_id == LSS_REQUEST_ID:
             return self._set_layer(frame, now_s)
-        elif not frame.extended and frame.can_id == SDO_REQUEST + self.device.node_id:
+        elif not frame.extended and frame.can_id == SDO_REQUEST_BASE + self.device.node_id:
             return self._answer(frame, now_s)
         elif self.device.services.hears_sync(frame):
             return self.device.services.sync(frame.data[0] if frame.data else None) + self.device.take_outbox()
@@ -148,7 +147,7 @@ class SimulatedNode:
         self._start_over(before)
         if lss.quiet_ms:
             self._quiet_until_s, lss.quiet_ms = now_s + lss.quiet_ms / 1000, 0
-        return ([] if answer is None else [Frame(LSS_SLAVE, answer)]) + self.device.take_outbox()
+        return ([] if answer is None else [Frame(LSS_RESPONSE_ID, answer)]) + self.device.take_outbox()
 
     def _start_over(self, before: int) -> None:
         """Drop transfers if the device was reset more often than *before*."""
@@ -163,9 +162,9 @@ class SimulatedNode:
         if self._faulty is not None:
             return self._timed(self._faulty.handle(frame.data, now_s), now_s) + self.device.take_outbox()
         response = self.server.handle(frame.data)
-        answers = [] if response is None else [Frame(SDO_RESPONSE + self.device.node_id, response)]
+        answers = [] if response is None else [Frame(SDO_RESPONSE_BASE + self.device.node_id, response)]
         if self.server.more:
-            answers += [Frame(SDO_RESPONSE + self.device.node_id, each) for each in self.server.take_more()]
+            answers += [Frame(SDO_RESPONSE_BASE + self.device.node_id, each) for each in self.server.take_more()]
         return answers + self.device.take_outbox()
 
     def _give_up_on_silence(self, now_s: float) -> None:
@@ -178,7 +177,7 @@ class SimulatedNode:
         """The frames of *answer* due now; a late answer delays the following answers."""
         if self._faulty is not None and self._faulty.boots_at_s is not None:
             self._later.clear()
-        frames = [Frame(SDO_RESPONSE + self.device.node_id, data) for data in answer.frames]
+        frames = [Frame(SDO_RESPONSE_BASE + self.device.node_id, data) for data in answer.frames]
         due_s = max(now_s + answer.delay_s, self._later[-1][0] if self._later else now_s)
         if due_s <= now_s:
             return frames
@@ -216,7 +215,7 @@ def stations(
 
 
 #: what every node obeys, whatever its state
-_NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
+_NETWORK_IDS = (NMT_ID, LSS_REQUEST_ID)
 #: CAN-IDs that are remembered; nobody has more, but a client may try
 _MOST_ROUTES = 4096
 _NEVER = float("inf")
@@ -260,8 +259,8 @@ class Roster:
         """
         self._look_at_changed()
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
-        if function in (SDO_REQUEST, SDO_RESPONSE) and node_id and not frame.extended:
-            return self._by_id.get(node_id, ()) if function == SDO_REQUEST else ()
+        if function in (SDO_REQUEST_BASE, SDO_RESPONSE_BASE) and node_id and not frame.extended:
+            return self._by_id.get(node_id, ()) if function == SDO_REQUEST_BASE else ()
         key = (frame.can_id, frame.extended, frame.remote)
         route = self._routes.get(key)
         if route is None:

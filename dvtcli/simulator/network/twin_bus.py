@@ -12,6 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.domain.can_ids import HEARTBEAT_BASE, NMT_ID
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import BootUp, CanopenBus, Emergency, Frame, NodeEvent, ReceivedEmergency
@@ -21,7 +22,6 @@ from dvtcli.simulator.device.memory import Refusal
 if TYPE_CHECKING:
     from dvtcli.simulator.device.strict_device import StrictDevice
 
-_NMT_CAN_ID, _HEARTBEAT = 0x000, 0x700
 _BOOT_UP = b"\0"
 
 
@@ -206,7 +206,7 @@ class TwinBus:
 
     def send(self, frame: Frame) -> None:
         """Send *frame* (SYNC, a PDO, an NMT command) to the twins only; their answers are received next."""
-        if frame.can_id == _NMT_CAN_ID and not frame.extended:
+        if frame.can_id == NMT_ID and not frame.extended:
             if len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
                 self.send_nmt(NmtCommand(frame.data[0]), frame.data[1])
             return
@@ -249,7 +249,7 @@ class TwinBus:
         self._frames.extend(frames)
         for frame in frames:
             self._tell(frame, sent=False)
-            if frame.can_id & ~0x7F == _HEARTBEAT and frame.data == _BOOT_UP:
+            if frame.can_id & ~0x7F == HEARTBEAT_BASE and frame.data == _BOOT_UP:
                 for listener in tuple(self._listeners):
                     listener(BootUp(frame.can_id & 0x7F, frame.timestamp_s))
 
@@ -371,7 +371,7 @@ class Twin:
             return self._sent(answers + device.take_outbox())
 
     def _sent(self, frames: list[Frame]) -> list[Frame]:
-        self.boot_ups += frames.count(Frame(_HEARTBEAT + self._node_id, _BOOT_UP))
+        self.boot_ups += frames.count(Frame(HEARTBEAT_BASE + self._node_id, _BOOT_UP))
         return frames
 
     def _answering(self, index: int, sub_index: int) -> StrictDevice:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dvtcli.domain.can_ids import EMCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.lint import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -33,7 +34,6 @@ TWO_HEARTBEATS = LintRule(
 NODE_RULES = (
     BOOT_UP, NO_BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE, SYNC_JITTER, TWO_SYNCS, TWO_HEARTBEATS,
 )  # fmt: skip
-_NMT, _EMERGENCIES, _ANSWERS, _REQUESTS, _HEARTBEATS = 0x000, 0x080, 0x580, 0x600, 0x700
 _STATES = frozenset(NmtState)
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 #: command specifiers of a download, of its acceptance, and the first byte of an abort (CiA 301, 7.2.4.3)
@@ -90,26 +90,26 @@ class NodeProblems:
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
         service, node_id, data = frame.can_id & 0x780, frame.can_id & 0x7F, frame.data
-        if frame.can_id == _NMT:
+        if frame.can_id == NMT_ID:
             self._command(moment, data)
             return
         if not node_id:
-            if service == _EMERGENCIES and not frame.remote:
+            if service == EMCY_BASE and not frame.remote:
                 self._syncs[-1].take(moment, moment.time_s - before.time_s)
             return
         node = self._nodes.setdefault(node_id, _NodeSeen())
-        if service == _HEARTBEATS:
+        if service == HEARTBEAT_BASE:
             node.is_guarded = node.is_guarded or frame.remote
             if len(data) == 1 and not frame.remote:
                 self._error_control(moment, node_id, node, data[0] & 0x7F, moment.time_s - before.time_s)
-        elif service == _EMERGENCIES and len(data) >= 2:
+        elif service == EMCY_BASE and len(data) >= 2:
             node.is_alive, node.gone = True, None
             self._shows_start(moment, node_id, node)
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
-        elif service in (_REQUESTS, _ANSWERS):
+        elif service in (SDO_REQUEST_BASE, SDO_RESPONSE_BASE):
             if data[1:4] in (_HEARTBEAT_TIME, _SYNC_PERIOD):
-                self._write_of_period(moment, node_id, node, data, is_request=service == _REQUESTS)
-            if service == _ANSWERS:
+                self._write_of_period(moment, node_id, node, data, is_request=service == SDO_REQUEST_BASE)
+            if service == SDO_RESPONSE_BASE:
                 self._answer(moment, node_id, node)
 
     def _write_of_period(self, moment: Moment, node_id: int, node: _NodeSeen, data: bytes, *, is_request: bool) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
+from dvtcli.domain.can_ids import EMCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, SYNC_ID
 from dvtcli.domain.lint import ERROR, WARNING, LintRule
+from dvtcli.domain.objects import SDO_SERVERS
 from dvtcli.domain.pdo import PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.watch.decoder import SDO_SERVERS, Address, Layout, server_layouts
+from dvtcli.watch.decoder import Address, Layout, server_layouts
 from dvtcli.watch.recording_checks.frame_problems import (
     FRAME_RULES,
     MASTER_RULES,
@@ -35,8 +37,8 @@ UNREADABLE = LintRule("recording-file", ERROR, "the recording cannot be read", "
 RECORDING_RULES: tuple[LintRule, ...] = (
     *SDO_RULES, *NODE_RULES, *FRAME_RULES, *RPDO_RULES, *MASTER_RULES, *STREAM_RULES, ERROR_FRAMES,
 )  # fmt: skip
-#: services by the function code of their default CAN-IDs
-_NMT, _SYNC, _ANSWERS, _REQUESTS, _OF_NODES = 0x000, 0x080, 0x580, 0x600, frozenset({0x080, 0x700})
+#: services of each node that need no more than its node-ID, by the function code of their default CAN-IDs
+_OF_NODES = frozenset({EMCY_BASE, HEARTBEAT_BASE})
 #: name of each node's default SDO server
 _DEFAULT = "SDO"
 _PDOS, _TPDO = range(0x180, 0x580), 0x080
@@ -92,12 +94,12 @@ class RecordingCheck:
         name, _, way = service.label.partition(" ")
         if service.kind == "sdo" and service.node is not None and name != _DEFAULT:
             return partial(self._take_sdo, (service.node, name), request=way == "request")
-        if can_id == _NMT and not extended:
+        if can_id == NMT_ID and not extended:
             return self._take_command
-        if function in (_ANSWERS, _REQUESTS) and node_id:
-            return partial(self._take_sdo, (node_id, _DEFAULT), request=function == _REQUESTS)
+        if function in (SDO_RESPONSE_BASE, SDO_REQUEST_BASE) and node_id:
+            return partial(self._take_sdo, (node_id, _DEFAULT), request=function == SDO_REQUEST_BASE)
         if function in _OF_NODES:
-            return self._take_sync if can_id == _SYNC else self._take_of_node
+            return self._take_sync if can_id == SYNC_ID else self._take_of_node
         if service.kind == "pdo" or function in _PDOS:
             sender = node_id if function in _PDOS and function & _TPDO else 0
             return partial(self._take_pdo, self._senders.get(address, sender))

@@ -9,10 +9,11 @@ import pytest
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.rules import Proposal
-from dvtcli.domain.rules.can_id import EMCY, SYNC, service_findings
+from dvtcli.domain.rules.can_id import service_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
@@ -218,14 +219,14 @@ def test_the_first_and_last_parameter_of_each_kind(index: int) -> None:
 @pytest.mark.parametrize(
     ("index", "raw", "rules"),
     [
-        (EMCY, 0x085, []),
-        (EMCY, 0x089, ["can-id-default"]),
-        (EMCY, 0x8000_0089, []),
-        (EMCY, 0x601, ["can-id-restricted"]),
-        (EMCY, 0x2000_0089, []),
-        (SYNC, 0x080, []),
-        (SYNC, 0x089, []),
-        (SYNC, 0x701, ["can-id-restricted"]),
+        (COB_ID_EMCY, 0x085, []),
+        (COB_ID_EMCY, 0x089, ["can-id-default"]),
+        (COB_ID_EMCY, 0x8000_0089, []),
+        (COB_ID_EMCY, 0x601, ["can-id-restricted"]),
+        (COB_ID_EMCY, 0x2000_0089, []),
+        (COB_ID_SYNC, 0x080, []),
+        (COB_ID_SYNC, 0x089, []),
+        (COB_ID_SYNC, 0x701, ["can-id-restricted"]),
     ],
 )
 def test_the_cob_id_of_a_service_is_judged_by_whose_it_is(index: int, raw: int, rules: list[str]) -> None:

@@ -50,18 +50,12 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
 #: what anybody may take from them, since it sends nothing: numbers, what was answered, and what only reads
 HARMLESS: dict[str, frozenset[str]] = {
     "device/change/roll_back.py": frozenset({"PATIENCE_S", "RETRY_S", "first_difference"}),
-    "device/store/store_parameters.py": frozenset(
-        {"STORE", "RESTORE", "SIGNATURES", "StoreAnswer", "chosen", "word_of"}
-    ),
+    "device/store/store_parameters.py": frozenset({"SIGNATURES", "StoreAnswer", "chosen", "word_of"}),
     "device/access_level.py": frozenset({"RULES", "level_finding"}),
     "device/nmt_gate.py": frozenset({"NodeAccess"}),
-    "device/seen_state.py": frozenset(
-        {"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS", "heartbeat_ms", "heartbeat_slots", "is_guarded"}
-    ),
+    "device/seen_state.py": frozenset({"CONTROLWORDS", "STATUSWORDS", "heartbeat_ms", "heartbeat_slots", "is_guarded"}),
     "device/learn/saving.py": frozenset(
         {
-            "RESTORE",
-            "STORE",
             "SignatureAnswers",
             "not_asked",
             "read_storage",

@@ -11,6 +11,7 @@ from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.object_scalings import cut_text
 from dvtcli.domain.object_scalings import value_text as physical_text
+from dvtcli.domain.objects import COMMUNICATION_AREA
 from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
 #: number of bytes to show of a long value
 _MOST_SHOWN = 8
 #: unsigned objects to show in hexadecimal: COB-IDs and mapping entries, identities, device types
-_IN_HEX = range(0x1000, 0x2000)
+_IN_HEX = COMMUNICATION_AREA
 
 
 def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:

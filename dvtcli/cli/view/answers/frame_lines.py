@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.object_scalings import NOTHING, value_text
 from dvtcli.domain.ports import Frame
@@ -144,7 +145,6 @@ def plot_lines(result: Plotted, _width: int) -> Iterator[Line]:
         yield f"{result.output}: {len(result.signals)} signal{'' if len(result.signals) == 1 else 's'} drawn"
 
 
-_REQUEST, _ANSWER = 0x600, 0x580
 #: start of an expedited value (bytes); segments of longer values start earlier
 _VALUE = 4
 
@@ -162,11 +162,11 @@ def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: slice | None
         shown = " ".join("**" if at in hidden else f"{byte:02X}" for at, byte in enumerate(frame.data))
         return f"{way} {can_id_text(frame.can_id, extended=frame.extended)} [{length}]{kind} {shown}"
     base, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
-    if frame.extended or len(frame.data) < 8 or base not in (_REQUEST, _ANSWER):
+    if frame.extended or len(frame.data) < 8 or base not in (SDO_REQUEST_BASE, SDO_RESPONSE_BASE):
         return None
     if secret is not None:
         return f"sdo {node_id}  {_object(frame.data)} <- (not shown)" if secret.start == _VALUE else None
-    words = _request(frame.data) if base == _REQUEST else _answer(frame.data)
+    words = _request(frame.data) if base == SDO_REQUEST_BASE else _answer(frame.data)
     return None if words is None else f"sdo {node_id}  {words}"
 
 

@@ -10,8 +10,9 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
+from dvtcli.domain.objects import VERIFY_CONFIGURATION
 from dvtcli.domain.pdo import entry_text
-from dvtcli.domain.plan import STAMP, PdoChange, Step, step_text
+from dvtcli.domain.plan import PdoChange, Step, step_text
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.operations.results.networks import action, differing, parameter_texts
@@ -40,7 +41,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
             yield _object(node, change.step, compares=compares)
             yield from _downloads(change.step.object, change.step.before, change.step.after)
     if not node.is_read:
-        yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
+        yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{VERIFY_CONFIGURATION:04X}) is that of the file")]
     if node.store and node.unstored:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {join_some(node.unstored)}")]
     if node.unchanged > 0:
@@ -249,7 +250,7 @@ def _every(plan: NetworkPlan) -> str:
     if plan.manager is not None:
         return f"node {plan.manager}"
     if len(plan.unread) == len(plan.nodes):
-        return f"every node, by its stamp (0x{STAMP:04X}),"
+        return f"every node, by its stamp (0x{VERIFY_CONFIGURATION:04X}),"
     if any(node.is_asked_nothing for node in plan.nodes):
         return "every node that the file sets"
     return "every node that was read" if plan.unread else "every node"

@@ -5,25 +5,19 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 
-from dvtcli.domain.cob_id import PRODUCES, taken_by_channels
+from dvtcli.domain.can_ids import LSS_REQUEST_ID, LSS_RESPONSE_ID
+from dvtcli.domain.cob_id import PRODUCES, SYNC_BY_DEFAULT, taken_by_channels
 from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
-from dvtcli.domain.network.network_state import (
-    EMCY_COB_ID,
-    SYNC_COB_ID,
-    TIME_COB_ID,
-    Identifier,
-    NodeState,
-    identifier_of,
-    identifier_text,
-)
+from dvtcli.domain.network.network_state import Identifier, NodeState, identifier_of, identifier_text
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import default_owner, restricted_use
 from dvtcli.domain.standard_objects import source
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _RESTRICTED = "CiA 301, 7.3.5: restricted CAN-IDs"
-_LSS = (0x7E4, 0x7E5)
+_LSS = (LSS_RESPONSE_ID, LSS_REQUEST_ID)
 _SDO = ("SDO answers", "SDO requests")
 
 
@@ -96,7 +90,7 @@ def can_id_reserved(network: CheckedNetwork) -> NetFound:
 @check("can-id-of-sync", ERROR, "an enabled PDO has the CAN-ID of SYNC", source(0x1005))
 def can_id_of_sync(network: CheckedNetwork) -> NetFound:
     """Each of the PDO's frames is a SYNC for every node."""
-    syncs = {node.sync for node in network.nodes} or {(0x080, False)}
+    syncs = {node.sync for node in network.nodes} or {SYNC_BY_DEFAULT}
     return _enabled_among(network, dict.fromkeys(syncs, "SYNC"))
 
 
@@ -110,7 +104,7 @@ def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
 @check("can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", source(0x1012))
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
     """The PDO's data would be taken for a time."""
-    times = {node.time for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES}
+    times = {node.time for node in network.nodes if (node.number(COB_ID_TIME) or 0) & PRODUCES}
     return _enabled_among(network, dict.fromkeys(times, "TIME"))
 
 
@@ -127,7 +121,7 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
     owners: dict[Identifier, int] = {}
     for node in network.nodes:
         if node.emcy is not None and (other := owners.setdefault(node.emcy, node.node_id)) != node.node_id:
-            yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {other}, too"
+            yield held(node, COB_ID_EMCY), f"{identifier_text(node.emcy)} is EMCY of node {other}, too"
 
 
 @check(
@@ -143,7 +137,7 @@ def emcy_can_id(network: CheckedNetwork) -> NetFound:
             continue
         use = "SYNC" if node.emcy == node.sync else _service(node.emcy[0])
         if use:
-            yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is {use}"
+            yield held(node, COB_ID_EMCY), f"{identifier_text(node.emcy)} is {use}"
 
 
 @check("emcy-of-other", WARNING, "EMCY has the pre-defined CAN-ID of another node's EMCY", _SET)
@@ -153,7 +147,7 @@ def emcy_of_other(network: CheckedNetwork) -> NetFound:
         if node.emcy is not None and not node.emcy[1] and 0x081 <= node.emcy[0] <= 0x0FF:
             owner = node.emcy[0] - 0x080
             if owner != node.node_id:
-                yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {owner} by default"
+                yield held(node, COB_ID_EMCY), f"{identifier_text(node.emcy)} is EMCY of node {owner} by default"
 
 
 @check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", f"{source(0x1005)} and 7.3.5")
@@ -162,7 +156,7 @@ def sync_can_id(network: CheckedNetwork) -> NetFound:
     for node in network.nodes:
         can_id, extended = node.sync
         if not extended and (use := _service(can_id)):
-            yield held(node, SYNC_COB_ID), f"SYNC {identifier_text(node.sync)} is {use}"
+            yield held(node, COB_ID_SYNC), f"SYNC {identifier_text(node.sync)} is {use}"
 
 
 @check("sync-ids-differ", ERROR, "a node waits for SYNC with another CAN-ID than the producer sends", source(0x1005))
@@ -174,18 +168,18 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
         if producers and node.node_id in waiting and all(node.sync != other.sync for other in producers):
             sent = identifier_text(producers[0].sync)
             text = f"it waits for {identifier_text(node.sync)}, node {producers[0].node_id} sends {sent}"
-            yield held(node, SYNC_COB_ID), text
+            yield held(node, COB_ID_SYNC), text
 
 
 @check("time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", source(0x1012))
 def time_ids_differ(network: CheckedNetwork) -> NetFound:
     """The node's clock is never set."""
-    producers = [node for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES]
+    producers = [node for node in network.nodes if (node.number(COB_ID_TIME) or 0) & PRODUCES]
     for node in network.nodes:
-        waits = (node.number(TIME_COB_ID) or 0) >> 31
+        waits = (node.number(COB_ID_TIME) or 0) >> 31
         if producers and waits and all(node.time != other.time for other in producers):
             sent = identifier_text(producers[0].time)
-            yield held(node, TIME_COB_ID), f"it waits for {identifier_text(node.time)}, {sent} is sent"
+            yield held(node, COB_ID_TIME), f"it waits for {identifier_text(node.time)}, {sent} is sent"
 
 
 @check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", source(0x1012))
@@ -193,10 +187,10 @@ def two_times(network: CheckedNetwork) -> NetFound:
     """Clocks jump."""
     seen: dict[Identifier, int] = {}
     for node in network.nodes:
-        if (node.number(TIME_COB_ID) or 0) & PRODUCES:
+        if (node.number(COB_ID_TIME) or 0) & PRODUCES:
             other = seen.setdefault(node.time, node.node_id)
             if other != node.node_id:
-                yield held(node, TIME_COB_ID), f"node {other} sends it, too"
+                yield held(node, COB_ID_TIME), f"node {other} sends it, too"
 
 
 @check("can-id-of-other", WARNING, "a TPDO has the pre-defined CAN-ID of another node's TPDO", _SET)

@@ -6,14 +6,8 @@ from collections import Counter
 
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, held
-from dvtcli.domain.network.network_state import (
-    CONSUMER_HEARTBEAT,
-    ERROR_BEHAVIOUR,
-    GUARD_TIME,
-    LIFE_TIME_FACTOR,
-    PRODUCER_HEARTBEAT,
-    NodeState,
-)
+from dvtcli.domain.network.network_state import NodeState
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT, ERROR_BEHAVIOUR, GUARD_TIME, LIFE_TIME_FACTOR, PRODUCER_HEARTBEAT
 from dvtcli.domain.standard_objects import source
 
 _CONSUMER = source(0x1016)

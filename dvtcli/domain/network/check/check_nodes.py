@@ -5,16 +5,20 @@ from __future__ import annotations
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.concise_dcf import read_concise_dcf
-from dvtcli.domain.network.network_state import (
+from dvtcli.domain.network.network_state import IDENTITY_NAMES, NodeState
+from dvtcli.domain.objects import (
     BOOT_TIME,
     CONCISE_DCF,
+    EXPECTED_DEVICE_TYPE,
+    EXPECTED_PRODUCT,
+    EXPECTED_REVISION,
+    EXPECTED_SERIAL,
+    EXPECTED_VENDOR,
     IDENTITY,
-    IDENTITY_NAMES,
     NMT_STARTUP,
     REQUEST_GUARDING,
     REQUEST_NMT,
     SLAVE_ASSIGNMENT,
-    NodeState,
 )
 from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some
@@ -60,7 +64,7 @@ _MASTER = _SLAVE = 1
 _MANDATORY = 1 << 3
 #: Value in 0x1F82 for a missing node.
 _MISSING = 1
-_BOOT_IDENTITY = {0x1F85: 1, 0x1F86: 2, 0x1F87: 3, 0x1F88: 4}
+_BOOT_IDENTITY = {EXPECTED_VENDOR: 1, EXPECTED_PRODUCT: 2, EXPECTED_REVISION: 3, EXPECTED_SERIAL: 4}
 
 
 def _managers(network: CheckedNetwork) -> list[NodeState]:
@@ -121,7 +125,7 @@ def boot_device_type(network: CheckedNetwork) -> NetFound:
         for (index, slave), expected in manager.numbers.items():
             node = network.state.node(slave)
             has = None if node is None else node.number(0x1000)
-            if index == 0x1F84 and expected and has is not None and has != expected:
+            if index == EXPECTED_DEVICE_TYPE and expected and has is not None and has != expected:
                 yield held(manager, index, slave), f"node {slave} is to be 0x{expected:08X}, and is 0x{has:08X}"
 
 

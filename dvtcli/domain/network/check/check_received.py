@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+from dvtcli.domain.cob_id import SYNC_BY_DEFAULT
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
-from dvtcli.domain.network.network_state import (
-    PRODUCER_HEARTBEAT,
-    SYNC_COB_ID,
-    Identifier,
-    NetworkState,
-    identifier_of,
-    identifier_text,
-)
+from dvtcli.domain.network.network_state import Identifier, NetworkState, identifier_of, identifier_text
 from dvtcli.domain.network.received_traffic import ReceivedId
 from dvtcli.domain.network.worst_case_load import EVENT_DRIVEN, Stream, most_frames
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.objects import COB_ID_SYNC, PRODUCER_HEARTBEAT
 from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some, plural
 
@@ -34,7 +29,7 @@ _SERVICES = (range(0x001), range(0x080, 0x101), range(0x580, 0x680), range(0x700
 
 
 def _sync_ids(state: NetworkState) -> set[Identifier]:
-    return {node.sync for node in state.nodes} or {(0x080, False)}
+    return {node.sync for node in state.nodes} or {SYNC_BY_DEFAULT}
 
 
 @check("sync-not-heard", ERROR, "PDOs are synchronous, but no SYNC was received", "CiA 301, 7.5.2.35 and 7.5.2.37")
@@ -65,7 +60,7 @@ def sync_heard_twice(network: CheckedNetwork) -> NetFound:
 
 def _sync_spot(network: CheckedNetwork) -> NetSpot:
     node = next((node for node in network.nodes if node.produces_sync), None)
-    return NetSpot() if node is None else held(node, SYNC_COB_ID)
+    return NetSpot() if node is None else held(node, COB_ID_SYNC)
 
 
 def _second_counter(received: ReceivedId) -> str:

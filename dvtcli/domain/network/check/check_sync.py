@@ -5,12 +5,7 @@ from __future__ import annotations
 from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
-from dvtcli.domain.network.network_state import (
-    SYNC_COB_ID,
-    SYNC_OVERFLOW,
-    SYNC_PERIOD,
-    SYNC_WINDOW,
-)
+from dvtcli.domain.objects import COB_ID_SYNC, CYCLE_PERIOD, SYNC_OVERFLOW, SYNC_WINDOW
 from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some
 
@@ -63,7 +58,7 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
     first = "the master" if master is not None and master.sync_period_us else ""
     for node in producers:
         if first:
-            yield held(node, SYNC_COB_ID), f"{first} sends SYNC, too"
+            yield held(node, COB_ID_SYNC), f"{first} sends SYNC, too"
         first = first or f"node {node.node_id}"
 
 
@@ -71,8 +66,8 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
 def sync_without_period(network: CheckedNetwork) -> NetFound:
     """The node sends no SYNC."""
     for node in network.described:
-        if (node.number(SYNC_COB_ID) or 0) & PRODUCES and not node.number(SYNC_PERIOD):
-            yield held(node, SYNC_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
+        if (node.number(COB_ID_SYNC) or 0) & PRODUCES and not node.number(CYCLE_PERIOD):
+            yield held(node, CYCLE_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
 
 
 @check("sync-window", ERROR, "synchronous PDOs may be received after the synchronous window (0x1007)", source(0x1007))
@@ -141,7 +136,7 @@ def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
     """It stays unknown whether the node receives SYNC."""
     for node in network.described:
         mine = [pdo for other, pdo, _ in network.synchronous if other is node]
-        if mine and node.number(SYNC_COB_ID) is None:
+        if mine and node.number(COB_ID_SYNC) is None:
             yield at(node, mine[0]), "it is synchronous, but the node has no 0x1005"
 
 

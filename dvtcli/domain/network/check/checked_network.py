@@ -9,16 +9,10 @@ from typing import NamedTuple
 
 from dvtcli.domain.cob_id import taken_by_services
 from dvtcli.domain.network.network_config import NOWHERE, Mark
-from dvtcli.domain.network.network_state import (
-    EMCY_COB_ID,
-    SYNC_COB_ID,
-    Identifier,
-    NetworkState,
-    NodeState,
-    identifier_of,
-)
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.network.worst_case_load import SYNCHRONOUS, Streams, WorstCaseLoad, streams_of, worst_case_load
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.rules.finding import disabled_and_empty
@@ -27,7 +21,7 @@ from dvtcli.domain.rules.finding import disabled_and_empty
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
     """Findings of `map` for each PDO that is enabled, or named in a file, set up one after the other."""
     before: dict[Pdo, PdoConfig] = {}
-    emcy = node.number(EMCY_COB_ID)
+    emcy = node.number(COB_ID_EMCY)
     for pdo, config in sorted(node.pdos.items()):
         if (not config.enabled and pdo not in node.marks) or config.inconsistency or config.mpdo is not None:
             continue
@@ -39,7 +33,7 @@ def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
             others=before,
             profile=node.profile,
             dictionary=node.dictionary,
-            services=lambda: taken_by_services(node.node_id, node.number(SYNC_COB_ID), emcy, node.sdo_channels),
+            services=lambda: taken_by_services(node.node_id, node.number(COB_ID_SYNC), emcy, node.sdo_channels),
         )
         yield from ((pdo, finding) for finding in check_pdo(proposal))
         before = {**before, pdo: config}

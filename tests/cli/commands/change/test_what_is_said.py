@@ -55,12 +55,13 @@ def test_a_time_out_is_not_explained_by_a_missing_eds(step: int) -> None:
 
 
 def test_a_store_that_was_acknowledged_by_a_node_that_went_away_says_so() -> None:
-    from dvtcli.device.store.store_parameters import STORE, StoreAnswer
+    from dvtcli.device.store.store_parameters import StoreAnswer
+    from dvtcli.domain.objects import STORE_PARAMETERS
     from dvtcli.errors import DeviceRefused
     from dvtcli.operations.changes.store_restore import refuse_after_restart
 
     with Bench(("generic",)) as bench, pytest.raises(DeviceRefused) as caught:
-        refuse_after_restart(bench.session.node(), -1, StoreAnswer(STORE, 1, 0.1))
+        refuse_after_restart(bench.session.node(), -1, StoreAnswer(STORE_PARAMETERS, 1, 0.1))
     assert caught.value.why == "0x1010:01 acknowledged the store"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.lss_services import REQUEST_ID
+from dvtcli.domain.can_ids import LSS_REQUEST_ID
 from dvtcli.domain.nmt import UNCONFIGURED
 from tests.cli.commands.bench import Ran
 from tests.cli.commands.lss.lss_bench import bench, sent
@@ -30,7 +30,7 @@ def test_nobody_to_ask_is_a_no(line: str) -> None:
         ran = session.run(f"lss {line}")
         ran.failed(6, "--yes")
         assert (new.lss.pending, old.lss.stored) == (UNCONFIGURED, 3)
-        assert not [frame for frame in sent(session.session.bus) if frame.can_id == REQUEST_ID]
+        assert not [frame for frame in sent(session.session.bus) if frame.can_id == LSS_REQUEST_ID]
 
 
 WRONG = [

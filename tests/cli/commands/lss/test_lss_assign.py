@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.lss_services import REQUEST_ID
+from dvtcli.domain.can_ids import LSS_REQUEST_ID
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.lss.lss_assign import in_order
@@ -269,7 +269,7 @@ def test_where_what_was_stored_cannot_be_taken_back_it_is_said(tmp_path: Path) -
         """From now on the first node cannot store either."""
         nodes[0].areas.fails = True
 
-    at_frame(bus, lambda frame: frame.can_id == REQUEST_ID and frame.data[0] == 0x17, 2, spoil)
+    at_frame(bus, lambda frame: frame.can_id == LSS_REQUEST_ID and frame.data[0] == 0x17, 2, spoil)
     with Bench((), {"yes": True}, bus) as session:
         ran = session.run(f"lss assign {file} --store")
         ran.failed(7, "a (node-ID 5, before none) may have node-ID 5 stored")

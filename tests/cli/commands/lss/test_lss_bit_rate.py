@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from dvtcli.bus.python_can import BitRateSetter
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
+from dvtcli.domain.can_ids import LSS_REQUEST_ID
+from dvtcli.domain.lss_services import BIT_TIMINGS
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DeviceRefused, SafetyRefusal
@@ -100,7 +101,7 @@ def test_nodes_are_silent_and_so_are_we_while_all_switch() -> None:
     frames: list[tuple[float, Frame]] = []
     bus.tap(lambda frame, _ours: frames.append((bus.now_s(), frame)))
     assert ran(bus, "lss bitrate 500k").code == 0
-    (began_s,) = [at_s for at_s, frame in frames if frame.can_id == REQUEST_ID and frame.data[0] == 0x15]
+    (began_s,) = [at_s for at_s, frame in frames if frame.can_id == LSS_REQUEST_ID and frame.data[0] == 0x15]
     assert not [frame for at_s, frame in frames if began_s + 0.001 < at_s < began_s + 2]
     assert bus.destroyed == 0
 
@@ -260,8 +261,8 @@ def test_a_node_whose_power_fails_leaves_no_bus_of_two_bit_rates(which: int, aft
 
     def fail(frame: Frame, ours: bool) -> None:
         nonlocal requests
-        requests += ours and frame.can_id == REQUEST_ID
-        if ours and requests == after and frame.can_id == REQUEST_ID:
+        requests += ours and frame.can_id == LSS_REQUEST_ID
+        if ours and requests == after and frame.can_id == LSS_REQUEST_ID:
             nodes[which].restart()
             nodes[which].boot_up()
 

@@ -15,7 +15,8 @@ from dvtcli.device.store.canary import Canary, choose_canary
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.device.store.prove_restore import prove_restore
 from dvtcli.device.store.prove_store import Restart
-from dvtcli.device.store.store_parameters import RESTORE, StoreAnswer
+from dvtcli.device.store.store_parameters import StoreAnswer
+from dvtcli.domain.objects import RESTORE_PARAMETERS
 from dvtcli.domain.store import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -313,7 +314,7 @@ def test_a_proof_of_a_restore_that_fails_says_that_it_was_acknowledged(tmp_path:
         node = bench.session.node()
         restart = Restart(POWER, lambda: await_power_cycle(node.access, 0.1, lambda: None))
         with pytest.raises(NoAnswer) as caught:
-            prove_restore(node, StoreAnswer(RESTORE, 1, 0.0), restart, None)
+            prove_restore(node, StoreAnswer(RESTORE_PARAMETERS, 1, 0.0), restart, None)
     assert caught.value.state == "unknown"
     assert "0x1011:01 acknowledged the restore, which is not proved" in (caught.value.state_text or "")
 
