@@ -354,7 +354,7 @@ class Node(Changeable):
         return stored if restarted and not pending.partly_stored else [*stored, *since]
 
     def undo(self, *, count: int = 1, force: bool = False, rolls_back: bool = False) -> Applied:
-        """Undo the newest *count* plans in one transaction."""
+        """Undo the newest *count* plans in one transaction; with 1, the newest plan that still has an effect."""
         from dvtcli.device.change.undo_plan import UndoRequest
 
         plans = self.history[-count:] if count > 1 else self.history

@@ -97,7 +97,7 @@ def parse_object(text: str) -> tuple[int, int] | None:
 
 
 def has_sub_index(text: str) -> bool:
-    """Whether the object *text* is written with a sub-index: `1018:0`, `1018.0`, `1018/0`, `1018-0`; not `1018`."""
+    """Whether *text* is more than an index: `1018:0`, `1018.0`, `1018/0`, `1018-0`, also a name; not `1018`."""
     return _OBJECT.fullmatch(text) is None or any(sign in text for sign in ":./")
 
 
@@ -162,7 +162,9 @@ def similar(
     """Names close to *text*, best first, at most three; with *direction* first those that such a PDO is for."""
     wanted = normalised(text)
     digits = _DIGITS.fullmatch(text)
-    if digits is not None:
+    if digits is not None and (
+        any(map(str.isdecimal, text)) or dictionary.entry(int(digits[1], 16), int(digits[2], 16)) is not None
+    ):  # otherwise it is a word such as `decade`
         return [f"{digits[1]}:{digits[2]}".upper()]
     entries = list(dictionary.entries())
     own = [normalised(name) for entry in entries for name in (entry.name, entry.denotation)]

@@ -283,6 +283,9 @@ _PREFIXES = {
 _BASES = frozenset({"V", "A", "W", "Ω", "Hz", "s", "m", "g", "N", "Nm", "Pa", "J", "K", "F", "H", "C", "Wh", "Ah", "VA",
                     "bar", "T", "rad", "inc", "bit"})  # fmt: skip
 _FACTOR = re.compile(r"[+-]?(?:\d{1,18}/0*[1-9]\d{0,17}|\d{1,18}(?:\.\d{0,18})?(?:[eE][+-]?\d{1,2})?|\.\d{1,18})")
+_EXACT_SCALE = re.compile(rf"({_FACTOR.pattern})(?: *([^\d\s(.,/].*))?")
+#: a unit that begins with a digit: `1/s`
+_PER = re.compile(r"1/[^\W\d].*")
 _SCALE = r"(\d{1,9})/([1-9]\d{0,8})(?: +(\S.*))?|(\d{0,9}\.\d{1,9}|10{1,6}) *([^\d\s(.,/].*)"
 
 
@@ -357,8 +360,24 @@ def parse_scale(text: str) -> tuple[Fraction, str]:
     return (factor, spelled(match[3] or match[5] or "")) if factor else (Fraction(1), spelled(text))
 
 
+def parse_exact_scale(text: str) -> tuple[Fraction, str]:
+    """One count's value, and its unit, in a file of dvtcli's own: as `scale_text` writes them, or `2 V`, `3e-5 rad`.
+
+    A number in front is always the factor, other than in an EDS, where `2 decimals` is a unit. Raises ValueError for a
+    factor of 0, and for another text that begins with a digit.
+    """
+    text = " ".join(text.split())
+    match = _EXACT_SCALE.fullmatch(text)
+    if match is not None:
+        return parse_factor(match[1]), spelled(match[2] or "")
+    factor, unit = parse_scale(text)
+    if unit[:1].isdecimal() and not _PER.fullmatch(unit):
+        raise ValueError(f"{text[:40]!r} is not one count's value: write 1/256 V, 0.5 V or V")
+    return factor, unit
+
+
 def scale_text(factor: Fraction, unit: str) -> str:
-    """One count's value with its unit, as input for `parse_scale`: `1/256 V`."""
+    """One count's value with its unit, with at most nine digits: `1/256 V`, `2 V`."""
     if factor == 1:
         return unit
     exact = factor.numerator == 1 and (factor * 1000).denominator > 1

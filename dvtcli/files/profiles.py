@@ -35,7 +35,7 @@ from dvtcli.domain.profile import (
     StorePolicy,
     VpdoGroup,
 )
-from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, spelled
+from dvtcli.domain.scaling import Scaling, State, parse_exact_scale, parse_factor, spelled
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
 from dvtcli.files.toml_item import (
@@ -142,7 +142,10 @@ def _place(item: Item) -> ObjectRange:
 
 def _meaning(item: Item) -> ScalingRule:
     if isinstance(item.value, str):
-        factor, unit = parse_scale(string(item))
+        try:
+            factor, unit = parse_exact_scale(string(item))
+        except ValueError as wrong:
+            item.fail(str(wrong))
         return ScalingRule(Scaling(unit, factor))
     said = item.table(_MEANING)
     if not said:

@@ -29,7 +29,7 @@ def read_program(file: str) -> bytes:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     program = data if suffix == ".bin" else _of_hex(file, data)
     if not program:
-        raise InputFileError(f"{file} has no firmware", place=file)
+        raise InputFileError(f"{file} has no program", place=file)
     if len(program) > MOST_BYTES:
         raise InputFileError(f"{file}: a program of more than {MOST_BYTES:,} bytes", place=file)
     return program

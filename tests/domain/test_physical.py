@@ -10,7 +10,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, scale_text, spelled, times
+from dvtcli.domain.scaling import (
+    Scaling,
+    State,
+    parse_exact_scale,
+    parse_factor,
+    parse_scale,
+    scale_text,
+    spelled,
+    times,
+)
 
 SIXTEENTH, VOLT = Scaling("V", Fraction(1, 16)), Scaling("V", Fraction(1, 256))
 CELSIUS = Scaling("°C", Fraction(1, 2), Fraction(-40))
@@ -168,6 +177,34 @@ def test_how_files_write_a_unit(text: str, factor: str, unit: str) -> None:
     assert parse_scale(text) == (Fraction(factor), unit)
     shown = scale_text(*parse_scale(text))
     assert parse_scale(shown) == parse_scale(text) or not text
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "unit"),
+    [
+        ("2 V", "2", "V"), ("5V", "5", "V"), ("3e-05 rpm", "3/100000", "rpm"), ("1/256 V", "1/256", "V"),
+        ("0.25", "1/4", ""), ("rpm", "1", "rpm"), ("1/min", "1", "rpm"), ("1/s", "1", "1/s"), ("-1 A", "-1", "A"),
+    ],
+)  # fmt: skip
+def test_a_number_in_a_profile_is_a_factor(text: str, factor: str, unit: str) -> None:
+    assert parse_exact_scale(text) == (Fraction(factor), unit)
+
+
+@pytest.mark.parametrize("text", ["0 V", "1/0 V", "2 3 V", "8.8 (rad/s)", "1.2.3"])
+def test_a_scale_of_a_profile_that_is_neither_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"factor|count"):
+        parse_exact_scale(text)
+
+
+@given(
+    st.integers(1, 999_999_999),
+    st.integers(-12, 9),
+    st.sampled_from(["", "V", "°C", "rpm", "%", "of rated", "N·m", "m/s²"]),
+)
+def test_a_profile_reads_what_is_shown(digits: int, exponent: int, unit: str) -> None:
+    factor = Fraction(digits) * Fraction(10) ** exponent
+    assert parse_exact_scale(scale_text(factor, unit) or "1") == (factor, unit)
+    assert parse_exact_scale(scale_text(Fraction(1, digits), unit) or "1")[1] == unit
 
 
 @given(st.text(max_size=30))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.abort import Abort
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.pdo_checks import CHECKS
@@ -124,6 +125,27 @@ def test_a_family_answers_in_its_own_way(check: str) -> None:
 @pytest.mark.parametrize("check", LIMITS)
 def test_a_family_answers_its_own_way_outside_a_limit_of_the_file(check: str, tmp_path: Path) -> None:
     assert limited(check, tmp_path, OWN) == OWN
+
+
+@pytest.mark.parametrize("answer", [OWN, 0, None])
+def test_a_family_answers_too_many_bits_also_under_a_fixed_count(answer: int | None, tmp_path: Path) -> None:
+    text = family_eds("generic").read_text("utf-8").replace("\r\n", "\n")
+    before, section, rest = text.partition("[1A02sub0]\n")
+    fixed = rest.replace("AccessType=rw", "AccessType=ro", 1).replace("DefaultValue=0x02", "DefaultValue=3", 1)
+    (tmp_path / "fixed.eds").write_text(f"{before}{section}{fixed}", "utf-8")
+    own = "" if answer is None else f'[answers.tpdo]\n"too-many-bits" = {answer}'
+    family = read_family("own", f'like = "generic"\n{own}', "own")
+    device = StrictDevice(read_eds(tmp_path / "fixed.eds").dictionary, family, 1)
+    device.boot_up()
+    client = Client.on(device)
+    for sub_index in (1, 2, 3):
+        client.write(0x1A02, sub_index, 0x60640020, 4)
+    try:
+        client.write(OFF, 1, 0x381, 4)
+        code = 0
+    except Aborted as aborted:
+        code = aborted.code
+    assert code == (Abort.PDO_LENGTH if answer is None else answer)
 
 
 def test_types_by_direction() -> None:

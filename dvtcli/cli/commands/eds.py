@@ -108,8 +108,8 @@ def command(
     PDOs as on a device of that family. `add` keeps files, the files of a folder, or a family's file: then nodes of
     that vendor, product and revision (0x1018) use them; `list`, `remove` and `prefer` manage the library. `convert IN
     OUT` writes the format of OUT's suffix, and lists lost content. A concise DCF (0x1F22, .cdcf) can be shown, and
-    made of a network file for one node. A DBC file is made of all nodes of a network file, or of the nodes whose COB-
-    IDs and mappings are in a recording's SDO transfers (names: --eds, or the recorded identity).
+    made of a network file for one node. A DBC file is made of all nodes of a network file, or of the nodes whose
+    COB-IDs and mappings are in a recording's SDO transfers (names: --eds, or the recorded identity).
 
     \b
     eds check drive.eds

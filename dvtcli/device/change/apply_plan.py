@@ -231,8 +231,8 @@ def apply_with_retry(
     """Apply *plan*; return the plan in its final form, and *findings* with the device's requirements.
 
     If the device refuses a parameter of an enabled PDO and the roll-back succeeded, the plan is repeated once with the
-    PDO disabled. If it refuses a PDO write for its state and is OPERATIONAL, the plan is repeated once in PRE-
-    OPERATIONAL, with consent. A requirement seen twice is learned for the device type: from then on the PDO is
+    PDO disabled. If it refuses a PDO write for its state and is OPERATIONAL, the plan is repeated once in
+    PRE-OPERATIONAL, with consent. A requirement seen twice is learned for the device type: from then on the PDO is
     disabled, or the device brought to PRE-OPERATIONAL, at once.
     """
     plan = _as_known(node, plan)

@@ -29,8 +29,8 @@ class RecordedFrame(NamedTuple):
 class RecordingFormat:
     """A format with the *suffix* of its files; *title* names its origin in a word or two.
 
-    The defaults are python-can's reader and writer for the suffix; override `reader` and `writer` for others. Each
-    format's module has an instance in `FORMATS`.
+    The defaults are python-can's reader and writer for the suffix; override `reader` and `writer` for others. `formats`
+    has an instance of each format with a suffix of its own, `pasted.PASTED` of the others.
     """
 
     suffix: ClassVar[str]

@@ -103,7 +103,7 @@ def _open_journals(
     A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
     """
     nodes = all_nodes([store.node_id for store in also.stores]) if also.stores else ""
-    ends = GroupMember(
+    longest = GroupMember(  # only its length counts
         final=f"{transaction.name}: store on {nodes}; stored on {nodes}", stores=also.stores, equal=also.equal
     )
     only_store = {store.node_id: Plan(store.node_id, store.holds) for store in also.stores if store.holds}
@@ -118,7 +118,7 @@ def _open_journals(
                 initial_states[node_id].state,
                 node.known_pdos,
                 node.last_read,
-                ends,
+                longest,
                 proves=also.proves,
             )
 

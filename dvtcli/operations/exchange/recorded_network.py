@@ -36,9 +36,9 @@ _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 def recorded_network(session: SessionUser, path: Path, *, throughout: bool = False) -> tuple[NetworkState, list[str]]:
     """Return the nodes of the recording at *path* with known PDOs, or those of `-n`; and what is missing.
 
-    The last value counts; a boot-up returns to stored values. *throughout* leaves out, with a warning, PDOs whose CAN-
-    ID or mapping changed, or may have changed. Raises UsageError if no PDO is known, or SDO transfers are on several
-    channels; else as `read_recorded`.
+    The last value counts; a boot-up returns to stored values. *throughout* leaves out, with a warning, PDOs whose
+    CAN-ID or mapping changed, or may have changed. Raises UsageError if no PDO is known, or SDO transfers are on
+    several channels; else as `read_recorded`.
     """
     followed = _Followed()
     _follow(path, followed, until_damage=throughout)

@@ -274,12 +274,12 @@ class PdoChecks:
         return count is not None and first is not None and not count.access.writable and first.access.writable
 
     def _filled_mapping(self, pdo: Pdo) -> int:
-        """The number of used entries under a fixed count. Raises Refusal if they exceed a frame."""
+        """The number of used entries under a fixed count. Raises Refusal if the device refuses more than 64 bits."""
         count = self._memory.number(pdo.mapping_index, 0)
         words = (self._memory.number(pdo.mapping_index, sub_index) for sub_index in range(1, count + 1))
         used = [word for word in words if word not in (0, self._family.filler)]
         if sum(self._covered_bits(pdo, word) for word in used) > 64:
-            raise Refusal(Abort.PDO_LENGTH)
+            answer_check(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
         return len(used)
 
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:

@@ -18,6 +18,8 @@ def test_a_malformed_line_stops_the_script_before_its_first_line() -> None:
             ("bogus", "unknown command 'bogus'"),
             ("map tpdo1 6041 --cob-id 201", "0x201?"),
             ("map tpdo1 statusward", "did you mean `map tpdo1 statusword`?"),
+            ("map tpdo1 604100", "did you mean `map tpdo1 6041:00`?"),
+            ("map tpdo1 decade", "'decade'"),
             ("map tpdo1 6041 --bogus", "--bogus"),
             ('map tpdo1 "6041', "a quote is not closed"),
             ("map tpdo1 6041 --type 300", "0…255"),
