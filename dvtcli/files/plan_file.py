@@ -66,12 +66,13 @@ def _node(document: Any) -> NodePlan:
     else:
         identity, plan = read_plan(document)
     wanted, values = _wanted([*_holds(document, "holds"), *plan.changes])
-    _, also_held = _wanted(_holds({"also_holds": [], **document}, "also_holds"))
+    _, compared_values = _wanted(_holds({"also_holds": [], **document}, "also_holds"))
     return NodePlan(
         name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
         is_read=document.get("read") is not False, needs_power_off=document.get("power_off") is True,
         doubt=str(document.get("doubt") or ""), left_out=tuple(map(_left_out, document.get("left_out") or ())),
-        also_equal=read_number({"also_equal": 0, **document}, "also_equal", MOST_CHANGES), also_held=also_held,
+        also_equal=read_number({"also_equal": 0, **document}, "also_equal", MOST_CHANGES),
+        compared_values=compared_values,
     )  # fmt: skip
 
 

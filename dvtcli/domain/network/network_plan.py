@@ -90,7 +90,7 @@ class NodePlan:
     #: number of settings equal to the file that are never written
     also_equal: int = 0
     #: their values, by index and sub-index
-    also_held: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    compared_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: whether the power stage must be off before the first write
     needs_power_off: bool = False
     #: PDOs and objects in the file that the device lacks, as labels
@@ -138,9 +138,9 @@ class NodePlan:
         return tuple(change for change in held if change.label not in changed)
 
     @property
-    def also_holds(self) -> tuple[Change, ...]:
+    def compared_claims(self) -> tuple[Change, ...]:
         """Equal settings that are never written, each as a change without effect."""
-        return tuple(ValueChange(Step(*place, data, data, "compare")) for place, data in self.also_held.items())
+        return tuple(ValueChange(Step(*place, data, data, "compare")) for place, data in self.compared_values.items())
 
     @property
     def unchanged(self) -> int:

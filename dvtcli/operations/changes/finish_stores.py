@@ -17,7 +17,7 @@ from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
-from dvtcli.operations.changes.network_phases import ExpectedAtStore
+from dvtcli.operations.changes.network_phases import ClaimsAtStore
 from dvtcli.operations.changes.store_network import Stores, back_and_again, store_each
 from dvtcli.operations.changes.waiting_journals import newest_store_record, waiting
 from dvtcli.operations.results import Facts
@@ -66,22 +66,22 @@ def finish_group_stores(session: Session, journals: Sequence[Journal]) -> Facts:
     _refuse_undecided(journals, member)
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
-    claims = _claims(session, journals, member, nodes)
+    at_store = _claims_at_store(session, journals, member, nodes)
     tests = {
         begun_journal.plan.node_id: begun_journal.member.tests
         for begun_journal in journals
         if holds_test(nodes[begun_journal.plan.node_id], begun_journal.member.tests)
     }
     with_tests = {
-        begun_journal.plan.node_id: _tested(claims.changes[begun_journal.plan.node_id], begun_journal)
+        begun_journal.plan.node_id: _tested(at_store.changes[begun_journal.plan.node_id], begun_journal)
         for begun_journal in journals
         if begun_journal.plan.node_id in tests
     }
-    stamps = _ended_stamps(claims, member)
-    expected = {**claims.changes, **with_tests}
-    expected |= {node_id: [change for change in expected[node_id] if not is_stamp(change)] for node_id in stamps}
+    stamps = _ended_stamps(at_store, member)
+    claimed = {**at_store.changes, **with_tests}
+    claimed |= {node_id: [change for change in claimed[node_id] if not is_stamp(change)] for node_id in stamps}
     for node_id in nodes:
-        _refuse_unlike(replace(claims, changes=expected), node_id, member.name)
+        _refuse_unlike(replace(at_store, changes=claimed), node_id, member.name)
     to_store = all_nodes(waiting(member)) if waiting(member) else ""
     what = f"{_not_looked_at(member)}; " + (f"store on {to_store}?" if to_store else "is it to stay so?")
     had_stored = "" if to_store else _had_stored(member)
@@ -90,7 +90,7 @@ def finish_group_stores(session: Session, journals: Sequence[Journal]) -> Facts:
         who = f"{some_nodes(sorted(nodes))} {'has' if len(nodes) == 1 else 'have'}"
     but = f" but the stamp of {some_nodes(stamps)}, which is written before the stores" if stamps else ""
     session.consent(f"{member.name}: {who} the planned values{but}{had_stored}{what}")
-    _store(session, journals, member, claims, tests, stamps)
+    _store(session, journals, member, at_store, tests, stamps)
     rows = (
         ("node", None),
         ("recovered", False),
@@ -150,9 +150,9 @@ def _not_looked_at(member: GroupMember) -> str:
     return f"; accepted as found, not read: {some_nodes(ids)}" if ids else ""
 
 
-def _claims(
+def _claims_at_store(
     session: Session, journals: Sequence[Journal], member: GroupMember, nodes: Mapping[int, Node]
-) -> ExpectedAtStore:
+) -> ClaimsAtStore:
     """Collect the verified values of every node from the journals.
 
     Nodes that only store or test a proof have no values in their own journal.
@@ -165,7 +165,7 @@ def _claims(
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {node for node in nodes if node not in {store.node_id for store in member.stores}}
     boot_ups = {silent_id: nodes[silent_id].bus.boot_ups(silent_id) for silent_id in silent}
-    return ExpectedAtStore(session, nodes, changes, identities, boot_ups)
+    return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
@@ -195,7 +195,7 @@ def _store(
     session: Session,
     journals: Sequence[Journal],
     member: GroupMember,
-    claims: ExpectedAtStore,
+    at_store: ClaimsAtStore,
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
 ) -> None:
@@ -203,12 +203,12 @@ def _store(
 
     Removes the journals.
     """
-    nodes, transaction = claims.nodes, Stores({store.node_id: store for store in member.stores}, member.equal)
+    nodes, transaction = at_store.nodes, Stores({store.node_id: store for store in member.stores}, member.equal)
     guards = [] if session.dry_run else [node.guard for node in nodes.values() if node.guard is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.deferred(), session.agreed():
         session.group.id, session.group.name = member.group_id, member.name
-        for node_id, changes in claims.changes.items():
+        for node_id, changes in at_store.changes.items():
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
                 nodes[node_id].expected.changed(change)
         try:
@@ -218,7 +218,7 @@ def _store(
             _roll_back_tests(nodes, tests)
             for node_id, changes in stamps.items():
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), remembered=False)
-            store_each(session, member.name, transaction, claims, [guard.own_journal for guard in guards])
+            store_each(session, member.name, transaction, at_store, [guard.own_journal for guard in guards])
             for guard in guards:
                 guard.own_journal.complete_group()
         finally:
@@ -229,13 +229,13 @@ def _store(
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _ended_stamps(claims: ExpectedAtStore, member: GroupMember) -> dict[int, tuple[Change, ...]]:
+def _ended_stamps(at_store: ClaimsAtStore, member: GroupMember) -> dict[int, tuple[Change, ...]]:
     """Map nodes to stamps to write again before their stores: a refused store ended them."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(member):
-        wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
+        wanted = {change.step.sub_index: change.step.after for change in at_store.changes[node_id] if is_stamp(change)}
         stamp = Stamp(*(int.from_bytes(wanted.get(stamp_place, b""), "little") for stamp_place in (DATE, TIME)))
-        held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None
+        held = held_stamp(at_store.nodes[node_id]) if stamp.is_own else None
         if held is not None and held != stamp and 0 in (held.days, held.ms):
             found[node_id] = stamp_changes(held, stamp, f"stamp: {stamp}")
     return found
@@ -247,9 +247,9 @@ def _roll_back_tests(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Cha
         roll_back_test(nodes[node_id], changes, join_some(change.label for change in changes))
 
 
-def _refuse_unlike(claims: ExpectedAtStore, node_id: int, name: str) -> None:
+def _refuse_unlike(at_store: ClaimsAtStore, node_id: int, name: str) -> None:
     try:
-        claims.verify_before_store(node_id)
+        at_store.verify_before_store(node_id)
     except DeviceRefused as other:
         raise SafetyRefusal(
             f"the values of node {node_id} differ from those verified: nothing is stored",

@@ -49,20 +49,20 @@ def apply_together(
     initial_states: Mapping[int, InitialState],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
-    also: AlsoExpected | None = None,
+    besides: BesidesPlans | None = None,
 ) -> NetworkTransaction:
     """Carry out every phase of *plans* on all *nodes*, each as *initial_states*; *name* is the name of the change.
 
-    The values *also* claimed are verified with the plans, and rolled back with them. If nodes store next, no roll-back
-    is possible after that: a request to stop received during verification still counts, and if several nodes store,
-    each is verified once more.
+    The values claimed *besides* are verified with the plans, and rolled back with them. If nodes store next, no
+    roll-back is possible after that: a request to stop received during verification still counts, and if several nodes
+    store, each is verified once more.
 
     Raises any error of a node with state `rolled_back` after all nodes were rolled back; LeftChanged if a roll-back
     failed. *findings* are those of the rules for each node.
     """
-    also = also or AlsoExpected()
+    besides = besides or BesidesPlans()
     boot_ups = {node_id: read_part.boot_ups for node_id, read_part in initial_states.items()}
-    transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
+    transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(besides.held))
     try:
         for node_id, plan in plans.items():
             if len(plan):
@@ -78,11 +78,11 @@ def apply_together(
     run = _Run(session, transaction, initial_states, findings, sum(map(len, transaction.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
-        _open_journals(transaction, initial_states, also)
+        _open_journals(transaction, initial_states, besides)
         faults = run.phases(plans)
-        for _ in range(2 if len(also.stores) > 1 else 1):
-            faults = faults or final_verify(session, nodes, transaction.claims(), boot_ups, also.others)
-        if also.stores:
+        for _ in range(2 if len(besides.stores) > 1 else 1):
+            faults = faults or final_verify(session, nodes, transaction.claims_by_node(), boot_ups, besides.others)
+        if besides.stores:
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         with transaction:
@@ -96,18 +96,20 @@ def apply_together(
 
 
 def _open_journals(
-    transaction: NetworkTransaction, initial_states: Mapping[int, InitialState], also: AlsoExpected
+    transaction: NetworkTransaction, initial_states: Mapping[int, InitialState], besides: BesidesPlans
 ) -> None:
     """Open the journals of all nodes before the first write, with room for all their later contents.
 
     A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
     """
-    nodes = all_nodes([store.node_id for store in also.stores]) if also.stores else ""
+    nodes = all_nodes([store.node_id for store in besides.stores]) if besides.stores else ""
     longest = GroupMember(  # only its length counts
-        final=f"{transaction.name}: store on {nodes}; stored on {nodes}", stores=also.stores, equal=also.equal
+        final=f"{transaction.name}: store on {nodes}; stored on {nodes}", stores=besides.stores, equal=besides.equal
     )
-    only_store = {store.node_id: Plan(store.node_id, store.holds) for store in also.stores if store.holds}
-    written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
+    only_store = {store.node_id: Plan(store.node_id, store.holds) for store in besides.stores if store.holds}
+    written = {
+        node_id: plan for node_id, plan in only_store.items() if besides.proves or any(map(is_stamp, plan.changes))
+    }
     for node_id, plan in {**written, **transaction.plans}.items():
         node = transaction.nodes[node_id]
         if node.guard is not None:
@@ -119,7 +121,7 @@ def _open_journals(
                 node.known_pdos,
                 node.last_read,
                 longest,
-                proves=also.proves,
+                proves=besides.proves,
             )
 
 
@@ -256,7 +258,7 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
             held[node_id] += _untouched(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
-        also = AlsoExpected(held, others=_EqualNodes(nodes, equal))
+        also = BesidesPlans(held, others=_EqualNodes(nodes, equal))
         with apply_together(session, nodes, plans, found, "undo of all", findings, also) as transaction:
             complete_groups(transaction.journals())
     done = []
@@ -268,8 +270,8 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
     return tuple(done)
 
 
-class NoOtherExpectations:
-    """No claims besides the writes."""
+class NoOtherClaims:
+    """No claims of nodes without writes."""
 
     def verify(self) -> None:
         """Do nothing."""
@@ -279,7 +281,7 @@ class NoOtherExpectations:
 
 
 @dataclass(frozen=True, slots=True)
-class _EqualNodes(NoOtherExpectations):
+class _EqualNodes(NoOtherClaims):
     """Nodes that already hold their old values: nothing is written, and *held* is claimed."""
 
     nodes: Mapping[int, Node]
@@ -321,8 +323,8 @@ def _to_the_same(change: Change) -> Change:
 Changes = Mapping[int, Sequence["Change"]]
 
 
-class OtherExpectations(Protocol):
-    """Expected values of a change of several nodes besides its writes, such as equal nodes without writes."""
+class OtherClaims(Protocol):
+    """Claims about nodes and settings of a change that it does not write, such as equal nodes."""
 
     def verify(self) -> None:
         """Read all claims; raises Restarted if a node lost them by a restart, DeviceRefused if a value differs."""
@@ -336,14 +338,14 @@ def final_verify(
     nodes: Mapping[int, ReadableNode],
     changes: Changes,
     boot_ups: Mapping[int, int],
-    others: OtherExpectations | None = None,
+    others: OtherClaims | None = None,
 ) -> list[BaseException]:
     """Read all claimed values and return the faults: a restart since *boot_ups*, or another value.
 
     *changes* are the claims by node-ID. Every node is read, since not every restart sends a boot-up message. *others*
     are read first: a restart without a received boot-up message shows in the written values.
     """
-    others = others or NoOtherExpectations()
+    others = others or NoOtherClaims()
     require_not_restarted = partial(_require_not_restarted, nodes, boot_ups)
     return (
         one_by_one([require_not_restarted, others.verify])
@@ -353,22 +355,22 @@ def final_verify(
 
 
 @dataclass(frozen=True, slots=True)
-class AlsoExpected:
-    """Values expected besides those of the plans, and the *stores* that follow; *proves*: the stores are proved.
+class BesidesPlans:
+    """What a change of several nodes claims besides its plans, and the *stores* that follow.
 
     *held* has unchanged values that each node must keep, by node-ID. *equal* are nodes that were as wanted and neither
-    change nor store. *others* are claims without a plan.
+    change nor store. *others* are claims about what is not written. *proves*: the stores are proved.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
     stores: tuple[Storing, ...] = ()
     equal: tuple[Storing, ...] = ()
     proves: bool = False
-    others: OtherExpectations = field(default_factory=NoOtherExpectations)
+    others: OtherClaims = field(default_factory=NoOtherClaims)
 
 
 @dataclass(frozen=True, slots=True)
-class ExpectedAtStore:
+class ClaimsAtStore:
     """The *changes* that each node must hold before the first store and after the last.
 
     *identities* of the devices and *boot_ups* received from nodes that do not store are by node-ID.
@@ -379,7 +381,7 @@ class ExpectedAtStore:
     changes: Changes
     identities: Mapping[int, Identity]
     boot_ups: Mapping[int, int] = field(default_factory=dict)
-    others: OtherExpectations = field(default_factory=NoOtherExpectations)
+    others: OtherClaims = field(default_factory=NoOtherClaims)
 
     def verify_before_store(self, node_id: int) -> None:
         """Raises SafetyRefusal if *node_id* is another device than before, DeviceRefused if it lost values."""

@@ -200,8 +200,8 @@ class NetworkTransaction:
             return []
         return [node.guard.own_journal for node in self.nodes.values() if node.guard is not None]
 
-    def claims(self) -> dict[int, tuple[Change, ...]]:
-        """Map changed nodes to their claims: completed changes and values held before."""
+    def claims_by_node(self) -> dict[int, tuple[Change, ...]]:
+        """Map changed nodes to their claims: completed changes, and values held before that must stay."""
         parts = {node_id: [plan for plan in self.done if plan.node_id == node_id] for node_id in self.plans}
         return {
             node_id: (*combine_plans(node_id, some).changes, *self.held.get(node_id, ()))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.operations.changes.network_phases import ExpectedAtStore
+    from dvtcli.operations.changes.network_phases import ClaimsAtStore
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import SessionNodes
@@ -43,7 +43,7 @@ def store_network(
     session: SessionNodes,
     transaction: NetworkTransaction,
     stores: tuple[Storing, ...],
-    claims: ExpectedAtStore,
+    at_store: ClaimsAtStore,
     prove: str | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
@@ -51,15 +51,15 @@ def store_network(
 
     *equal* are nodes that were as wanted and neither change nor store: the journals name them.
 
-    Each node is verified against its *claims* right before its store, and all nodes again after the last store. From
-    the first store on the journals record the stores; they stay if some stores are missing: `recover` completes or
-    rolls back.
+    Each node is verified against its claims *at_store* right before its store, and all nodes again after the last
+    store. From the first store on the journals record the stores; they stay if some stores are missing: `recover`
+    completes or rolls back.
     """
     if not stores:
         return ()
     on_way = Stores({storing.node_id: storing for storing in stores}, equal)
     try:
-        return store_each(session, transaction.name, on_way, claims, transaction.journals(), prove)
+        return store_each(session, transaction.name, on_way, at_store, transaction.journals(), prove)
     except BaseException as fault:
         if isinstance(fault, LeftChanged) and not (on_way.lost or on_way.failed):
             try:
@@ -75,7 +75,7 @@ def store_network(
         raise
 
 
-def _end_stamps(session: SessionUser, stores: Stores, claims: ExpectedAtStore) -> tuple[list[int], list[str]]:
+def _end_stamps(session: SessionUser, stores: Stores, at_store: ClaimsAtStore) -> tuple[list[int], list[str]]:
     """End the stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
 
     Returns the nodes with an ended stamp, and the errors of others.
@@ -85,7 +85,7 @@ def _end_stamps(session: SessionUser, stores: Stores, claims: ExpectedAtStore) -
         if not state.waits:
             continue
         try:
-            if end_stamp(session, claims.nodes[state.node_id], "a node that does not store has no stamp"):
+            if end_stamp(session, at_store.nodes[state.node_id], "a node that does not store has no stamp"):
                 ended.append(state.node_id)
         except DvtcliError as failed:
             failures.append(f"0x1020 of node {state.node_id} may mark it as stored: {failed.text}")
@@ -96,20 +96,21 @@ def store_each(
     session: SessionNodes,
     name: str,
     stores: Stores,
-    claims: ExpectedAtStore,
+    at_store: ClaimsAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None = None,
 ) -> tuple[Stored, ...]:
     """Carry out the missing *stores* of the change *name*; *journals* record the progress.
 
-    Each node is verified against its *claims* right before its store, and all again after the last store. A refusal
-    does not prevent other stores. LeftChanged names stored and missing nodes; *stores* says whether a node lost values.
+    Each node is verified against its claims *at_store* right before its store, and all again after the last store. A
+    refusal does not prevent other stores. LeftChanged names stored and missing nodes; *stores* says whether a node lost
+    values.
     """
     states = list(stores.states.values())
 
     def store(one: Storing) -> None:
         try:
-            _store_one(session, name, one, stores, claims, journals, prove)
+            _store_one(session, name, one, stores, at_store, journals, prove)
         except (DvtcliError, KeyboardInterrupt) as fault:
             stores.failed[one.node_id] = fault
             if stores.lost or not isinstance(fault, DeviceRefused):
@@ -121,8 +122,8 @@ def store_each(
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
     if faults and not stores.failed:
         raise faults[0]
-    others = [] if stores.lost or stores.failed else one_by_one([claims.others.verify])
-    stores.lost = stores.lost or claims.verify_after_stores()
+    others = [] if stores.lost or stores.failed else one_by_one([at_store.others.verify])
+    stores.lost = stores.lost or at_store.verify_after_stores()
     if stores.lost:
         left = lost_settings(name, stores, stores.lost)
         if stores.are_all_done():
@@ -130,11 +131,11 @@ def store_each(
         raise left from stores.lost[0]
     if stores.failed:
         not_noted = _note_states(name, stores, journals)
-        unstamped, stamped = _end_stamps(session, stores, claims)
+        unstamped, stamped = _end_stamps(session, stores, at_store)
         left = not_all_stored(stores, [journal.path for journal in journals if journal.is_begun], unstamped)
         left.details += [("also", text) for text in (*not_noted, *stamped)]
         raise left from next(iter(stores.failed.values()))
-    others = others or one_by_one([claims.others.verify_restarted])  # what was read of them first may be lost by now
+    others = others or one_by_one([at_store.others.verify_restarted])  # what was read of them first may be lost by now
     if others:
         raise lost_besides(stores, others[0]) from others[0]
     return tuple(stores.answers[state.node_id] for state in states if state.node_id in stores.answers)
@@ -145,7 +146,7 @@ def _store_one(
     name: str,
     one: Storing,
     stores: Stores,
-    claims: ExpectedAtStore,
+    at_store: ClaimsAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
@@ -153,11 +154,11 @@ def _store_one(
     states = tuple(stores.states.values())
     for journal in _to_note(journals, one.node_id):
         journal.record_stores(_final(name, states, one), states, stores.equal)
-    node = claims.nodes[one.node_id]
+    node = at_store.nodes[one.node_id]
     node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
     try:
         try:
-            claims.verify_before_store(one.node_id)
+            at_store.verify_before_store(one.node_id)
         except DvtcliError as other:
             stores.lost.append(other)
             raise

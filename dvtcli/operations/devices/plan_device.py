@@ -295,7 +295,7 @@ def _said(planned: NodePlan, node: ReadableNode, held: HeldDevice, found: Device
     sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
     known = planned.understood | understood(node, sizes)
     return replace(
-        planned, left_out=left_out, also_equal=len(found.also_equal), also_held=found.also_equal,
+        planned, left_out=left_out, also_equal=len(found.also_equal), compared_values=found.also_equal,
         understood=known, needs_power_off=True,
         doubt=_doubt(node, held),
     )  # fmt: skip

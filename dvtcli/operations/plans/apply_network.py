@@ -28,7 +28,7 @@ from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
 from dvtcli.operations.changes.change import store_hint
-from dvtcli.operations.changes.network_phases import AlsoExpected, ExpectedAtStore, apply_together, require_held
+from dvtcli.operations.changes.network_phases import BesidesPlans, ClaimsAtStore, apply_together, require_held
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
 from dvtcli.operations.pdos.sync import short_frames
@@ -75,21 +75,21 @@ def apply_network(
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.deferred(), session.agreed():
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
-        claims = UnwrittenValues(session, nodes, plan.nodes)
-        claims.require_as_planned()  # while it was planned, or while somebody took time to answer
+        unwritten = UnwrittenClaims(session, nodes, plan.nodes)
+        unwritten.require_as_planned()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
         _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {node_plan.node_id: node_plan.plan for node_plan in planned}
         stores, equal = _stores(planned), _equal(nodes, plan.nodes)
-        also = AlsoExpected(claims.held(), stores, equal, prove is not None, claims)
+        besides = BesidesPlans(unwritten.held(), stores, equal, prove is not None, unwritten)
         findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
-        with claims.rolled_back_group():
-            transaction = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
+        with unwritten.rolled_back_group():
+            transaction = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, besides)
         with transaction:
             _keep(session, nodes, transaction.plans)
-            at_store = _claims_at_store(session, transaction, claims, found)
+            at_store = _claims_at_store(session, transaction, unwritten, found)
             stored = store_network(session, transaction, stores, at_store, prove, equal)
             complete_groups(transaction.journals())
     kept = {
@@ -153,15 +153,17 @@ def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, P
 def _claims_at_store(
     session: Session,
     transaction: NetworkTransaction,
-    claims: UnwrittenValues,
+    unwritten: UnwrittenClaims,
     initial_states: Mapping[int, InitialState],
-) -> ExpectedAtStore:
+) -> ClaimsAtStore:
     """Read what each node that is written or stores holds: changed values and other values of the file."""
-    planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
+    planned = [plan for plan in unwritten.planned if len(plan.plan) or plan.stores]
     held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
     boot_ups = {plan.node_id: initial_states[plan.node_id].boot_ups for plan in planned if not plan.stores}
     identities = {plan.node_id: plan.identity for plan in planned}
-    return ExpectedAtStore(session, transaction.nodes, {**held, **transaction.claims()}, identities, boot_ups, claims)
+    return ClaimsAtStore(
+        session, transaction.nodes, {**held, **transaction.claims_by_node()}, identities, boot_ups, unwritten
+    )
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
@@ -200,7 +202,7 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str, pro
 
 
 @dataclass(slots=True)
-class UnwrittenValues:
+class UnwrittenClaims:
     """The values that *planned* claims for *nodes* without writing them; all were read before."""
 
     session: Session
@@ -225,7 +227,9 @@ class UnwrittenValues:
         """
         equal = self._equal()
         reads = [partial(_refuse_unequal, self.nodes[plan.node_id], plan) for plan in equal if plan.is_read]
-        reads += [partial(_refuse_altered, self.nodes[plan.node_id], plan) for plan in self.planned if plan.also_held]
+        reads += [
+            partial(_refuse_altered, self.nodes[plan.node_id], plan) for plan in self.planned if plan.compared_values
+        ]
         for _ in range(MAX_READS):
             self.verify_restarted()
             self._side_by_side(reads)
@@ -275,7 +279,7 @@ class UnwrittenValues:
             raise
 
     def _refuse_left_altered(self, fault: DvtcliError) -> None:
-        for planned in (plan for plan in self.planned if plan.also_held):
+        for planned in (plan for plan in self.planned if plan.compared_values):
             node = self.nodes[planned.node_id]
             try:
                 altered = node.observed(partial(_altered, node, planned))
@@ -367,7 +371,7 @@ def _altered(node: ReadableNode, planned: NodePlan) -> dict[str, str]:
     """Map altered settings to their difference, except those that change by themselves."""
     differing = {
         change: found
-        for change in planned.also_holds
+        for change in planned.compared_claims
         if _is_steady(node, change) and (found := first_difference(node.sdo, change))
     }
     if differing:

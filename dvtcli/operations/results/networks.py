@@ -137,7 +137,7 @@ def _node_document(node: NodePlan) -> Document:
         "findings": [finding_document(finding) for finding in node.findings],
         "changes": [change_document(change) for change in changes],
         "holds": [change_document(change) for change in node.holds],
-        "also_holds": [change_document(change) for change in node.also_holds],
+        "also_holds": [change_document(change) for change in node.compared_claims],
     }
 
 
