@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date, timedelta
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.text import all_nodes
 
 #: ways to restart a node: two NMT commands, and somebody's hand
 RESET_NODE, RESET_COMM, POWER = "reset-node", "reset-comm", "power-cycle"
+#: how a user lets a store be proved: by a reset, or by a power cycle that somebody makes
+ProveBy = Literal["reset", "power"]
 _RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
 
 

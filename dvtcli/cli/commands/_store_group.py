@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.store import ProveBy
 
 _GROUPS = {"all": 1, "communication": 2, "application": 3}
 
@@ -37,7 +42,7 @@ class ProofWay(CanopenType):
             raise ValueError(f"write power, or no value for a reset; {wrong}") from wrong
 
 
-def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | None, int | None]:
+def way_and_group(prove: ProveBy | int | None, group: int | None) -> tuple[ProveBy | None, int | None]:
     """Return the way of proof, None for none, and the group. Raises UsageError for two groups."""
     if not isinstance(prove, int):
         return prove, group

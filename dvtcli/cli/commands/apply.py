@@ -16,6 +16,7 @@ from dvtcli.cli.params import FILE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from dvtcli.domain.store import ProveBy
     from dvtcli.operations.results import NetworkApplied
 
 
@@ -64,7 +65,8 @@ def command(
     """
     from dvtcli.operations.network.network_files import apply_file
 
-    show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
+    show = partial(show_plan, ctx.obj.output)
+    prove_by: ProveBy | None = "reset" if prove else None
     return apply_file(
         ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, include=include, manager=manager, on_plan=show
     )

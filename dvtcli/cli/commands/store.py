@@ -15,6 +15,7 @@ from dvtcli.operations.changes.store_restore import POWER_CYCLE_S, look_before_s
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from dvtcli.domain.store import ProveBy
     from dvtcli.errors import LeftChanged
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session, SessionNodes
@@ -60,7 +61,7 @@ def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftCha
 @click.option("--if-changed", is_flag=True, help="Store only if something was written since the node booted.")
 @click.pass_obj
 def command(
-    session: Session, /, group: int | None, prove: str | int | None, limit_s: int | None, if_changed: bool
+    session: Session, /, group: int | None, prove: ProveBy | int | None, limit_s: int | None, if_changed: bool
 ) -> Stored:
     """Store the node's parameters (0x1010 "save").
 

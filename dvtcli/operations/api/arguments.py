@@ -21,6 +21,7 @@ from dvtcli.operations.values.named_objects import entry_at, object_at
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.scaling import Scaling
+    from dvtcli.domain.store import ProveBy
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -151,7 +152,7 @@ def nmt_command_of(command: str) -> NmtCommand:
     return found
 
 
-def proof_of(prove: object) -> str | None:
+def proof_of(prove: object) -> ProveBy | None:
     """The way to prove a store that *prove* means: `reset`, `power`, None for none."""
     if not isinstance(prove, bool) and not (isinstance(prove, str) and prove == "power"):
         raise wrong("prove", prove, "True, False or 'power'")

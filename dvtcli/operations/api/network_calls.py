@@ -27,6 +27,7 @@ from dvtcli.operations.network.network_load import LoadOptions, network_load
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
+    from dvtcli.domain.store import ProveBy
     from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.network.draw_network import PictureOptions
     from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NetworksChecked
@@ -261,7 +262,8 @@ class NetworkCalls:
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
-        prove_by, included = "reset" if prove else None, words("include", include)
+        prove_by: ProveBy | None = "reset" if prove else None
+        included = words("include", include)
         manager = _manager("to_manager", to_manager)
         return self._calls.run(
             lambda: apply_file(

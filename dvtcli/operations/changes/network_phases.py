@@ -61,7 +61,7 @@ def apply_together(
     failed. *findings* are those of the rules for each node.
     """
     besides = besides or BesidesPlans()
-    boot_ups = {node_id: read_part.boot_ups for node_id, read_part in initial_states.items()}
+    boot_ups = {node_id: initial_state.boot_ups for node_id, initial_state in initial_states.items()}
     transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(besides.held))
     try:
         for node_id, plan in plans.items():
@@ -231,7 +231,7 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
     started = time.monotonic()
     nodes = {node_undoing.node.node_id: node_undoing.node for node_undoing in undoings}
     with session.cancellation.deferred():
-        found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
+        initial_states = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {
             node_undoing.node.node_id: plan_undo(
@@ -247,7 +247,7 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
                 refuse_unknown(back)
         for node_id, back in backs.items():
             if len(back.plan):
-                enter(nodes[node_id], found[node_id])  # whoever is asked is asked before the first write
+                enter(nodes[node_id], initial_states[node_id])  # whoever is asked is asked before the first write
         plans = {node_id: back.plan for node_id, back in backs.items()}
         findings = {node_id: back.unknown for node_id, back in backs.items()}
         held = {node_id: _as_before(back) for node_id, back in backs.items()}
@@ -258,8 +258,8 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
             held[node_id] += _untouched(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
-        also = BesidesPlans(held, others=_EqualNodes(nodes, equal))
-        with apply_together(session, nodes, plans, found, "undo of all", findings, also) as transaction:
+        besides = BesidesPlans(held, others=_EqualNodes(nodes, equal))
+        with apply_together(session, nodes, plans, initial_states, "undo of all", findings, besides) as transaction:
             complete_groups(transaction.journals())
     done = []
     for undoing in undoings:

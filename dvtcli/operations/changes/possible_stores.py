@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.network_config import NetworkConfig
+    from dvtcli.domain.store import ProveBy
     from dvtcli.files.network.file_log import FileLog
 
 RULES = (
@@ -63,7 +64,7 @@ def refuse_stores_of(nodes: Mapping[int, ReadableNode], config: NetworkConfig, l
         raise every
 
 
-def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str], prove: str) -> None:
+def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str], prove: ProveBy) -> None:
     """Raises DeviceRefused if a restart (`reset`, `power`) could not prove a store of *stores*."""
     from dvtcli.device.store.prove_store import refuse_unprovable
 

@@ -12,7 +12,7 @@ from dvtcli.device.change.change_group import Storing
 from dvtcli.device.change.failed_change import BUS_BACK, also_lines, brought_back_first
 from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.store import WhoStored
+from dvtcli.domain.store import ProveBy, WhoStored
 from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import (
     BusUnavailable,
@@ -44,7 +44,7 @@ def store_network(
     transaction: NetworkTransaction,
     stores: tuple[Storing, ...],
     at_store: ClaimsAtStore,
-    prove: str | None,
+    prove: ProveBy | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
     """Carry out *stores* node by node; LeftChanged names the nodes that have stored and those that have not.
@@ -98,7 +98,7 @@ def store_each(
     stores: Stores,
     at_store: ClaimsAtStore,
     journals: Sequence[OwnJournal],
-    prove: str | None = None,
+    prove: ProveBy | None = None,
 ) -> tuple[Stored, ...]:
     """Carry out the missing *stores* of the change *name*; *journals* record the progress.
 
@@ -148,7 +148,7 @@ def _store_one(
     stores: Stores,
     at_store: ClaimsAtStore,
     journals: Sequence[OwnJournal],
-    prove: str | None,
+    prove: ProveBy | None,
 ) -> None:
     stores.states[one.node_id] = one = one._replace(is_begun=True, is_refused=False)
     states = tuple(stores.states.values())

@@ -25,7 +25,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.store import POWER, RESET_COMM, RESET_NODE
+from dvtcli.domain.store import POWER, RESET_COMM, RESET_NODE, ProveBy
 from dvtcli.errors import DeviceRefused, SdoAborted
 from dvtcli.operations.results import Stored
 from dvtcli.operations.session.consent import consent_to_reset
@@ -50,7 +50,7 @@ def store_settings(
     node: Node,
     sub_index: int | None,
     *,
-    prove: str | None = None,
+    prove: ProveBy | None = None,
     if_changed: bool = False,
     wait_s: float = POWER_CYCLE_S,
     is_part_of_group: bool = False,
@@ -114,7 +114,7 @@ def _resetting(node: Node, restart: Restart | None) -> Iterator[None]:
 
 
 def look_before_stores(
-    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
+    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: ProveBy | None = None
 ) -> None:
     """Check all nodes before the first store: raises if a node must not store, cannot, or could not prove it.
 
@@ -191,7 +191,7 @@ def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None)
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
 
-def _agree_on_restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float) -> Restart | None:
+def _agree_on_restart(session: SessionNodes, node: ReadableNode, way: ProveBy, wait_s: float) -> Restart | None:
     """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
     if session.dry_run:
         return None

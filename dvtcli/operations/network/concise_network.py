@@ -114,21 +114,23 @@ def _concise(
     made: list[ConciseDcf] = []
     if words:
         with Session(simulation_of(words), reporter) as session:
-            plan = plan_network_config(session, anyone, FileLog(file, network_text(file)))
+            network_plan = plan_network_config(session, anyone, FileLog(file, network_text(file)))
             dictionaries = {node_id: session.node(node_id).dictionary for node_id in words}
-        planned = {node.node_id: node for node in plan.nodes}
-        made = [_made(node, planned[node.node_id], dictionaries[node.node_id]) for node in config.nodes]
+        node_plans = {node_plan.node_id: node_plan for node_plan in network_plan.nodes}
+        made = [_made(node, node_plans[node.node_id], dictionaries[node.node_id]) for node in config.nodes]
     return ConciseNetwork(tuple(made), tuple(node for node in read.nodes if node.node_id not in words))
 
 
-def _made(config: NodeConfig, plan: NodePlan, dictionary: ObjectDictionary | None) -> ConciseDcf:
+def _made(config: NodeConfig, node_plan: NodePlan, dictionary: ObjectDictionary | None) -> ConciseDcf:
     mapped = {pdo.pdo for pdo in config.pdos if pdo.mapping is not None}
     fixed: set[Pdo] = set()
     if dictionary is not None:
-        fixed = _fixed(dictionary, plan.wanted)
-        mapped = {pdo for pdo, after in plan.wanted.items() if pdo in mapped and _is_mapped(dictionary, pdo, after)}
+        fixed = _fixed(dictionary, node_plan.wanted)
+        mapped = {
+            pdo for pdo, after in node_plan.wanted.items() if pdo in mapped and _is_mapped(dictionary, pdo, after)
+        }
     own = {place for value in config.values if (place := parse_object(value.object.text)) is not None}
-    return ConciseDcf(config.node_id, config.name, concise_of(plan, mapped, fixed, own), plan.findings)
+    return ConciseDcf(config.node_id, config.name, concise_of(node_plan, mapped, fixed, own), node_plan.findings)
 
 
 def _chosen(file: str, config: NetworkConfig, node: str | int | None) -> NodeConfig:
@@ -358,8 +360,8 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     node = session.node(manager)
     boot_ups = session.bus.boot_ups(manager)
     node.read_anew()
-    planned = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
-    nodes = tuple(check_plans({manager: node}, [planned], force=session.options.force))
+    node_plan = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
+    nodes = tuple(check_plans({manager: node}, [node_plan], force=session.options.force))
     untold = tuple(node_config.node_id for node_config in found.untold if node_config.node_id != manager)
     return NetworkPlan(file, nodes, manager=manager, untold=untold)
 

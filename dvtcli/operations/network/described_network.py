@@ -299,12 +299,12 @@ def _simulated(
     options = simulation_of(words, force=True)
     with Session(options, reporter) as session:
         session.bus.read_at_once()
-        plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
+        network_plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
         nodes = [session.node(node.node_id) for node in config.nodes]
         state = network_state(nodes, for_rules=for_rules)
         named = {node.node_id: node for node in config.nodes}
         known = tuple(_without_unsaid(node, named[node.node_id]) for node in state.nodes)
-        return network_after(state._replace(nodes=known), plan, config)
+        return network_after(state._replace(nodes=known), network_plan, config)
 
 
 def _without_unsaid(node: NodeState, config: NodeConfig) -> NodeState:

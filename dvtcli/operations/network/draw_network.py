@@ -269,19 +269,19 @@ def differences(session: Session, file: str) -> Iterator[PictureDifference]:
             yield from _of_pdo(node, change) if isinstance(change, PdoChange) else _of_object(node, change)
 
 
-def _of_pdo(node: NodePlan, change: PdoChange) -> Iterator[PictureDifference]:
-    if action(node, change) == "prune":
-        yield PictureDifference(node.node_id, change.label, "enabled", "on", "off (not in the file)")
+def _of_pdo(node_plan: NodePlan, change: PdoChange) -> Iterator[PictureDifference]:
+    if action(node_plan, change) == "prune":
+        yield PictureDifference(node_plan.node_id, change.label, "enabled", "on", "off (not in the file)")
         return
     for key, was, will in differing(change):
         before, after = parameter_texts(change, key, was, will)
-        yield PictureDifference(node.node_id, change.label, key, before, after)
+        yield PictureDifference(node_plan.node_id, change.label, key, before, after)
 
 
-def _of_object(node: NodePlan, change: ValueChange) -> Iterator[PictureDifference]:
+def _of_object(node_plan: NodePlan, change: ValueChange) -> Iterator[PictureDifference]:
     step = change.step
     was, will = step.text(step.before), step.text(step.after)
-    yield PictureDifference(node.node_id, f"0x{step.object}", "value", was, will)
+    yield PictureDifference(node_plan.node_id, f"0x{step.object}", "value", was, will)
 
 
 #: what passed on the bus: counted for the load, and kept for the rules; None if nobody listened

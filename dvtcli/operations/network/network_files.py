@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.worst_case_load import WorstCaseLoad
+    from dvtcli.domain.store import ProveBy
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session, SessionNodes
 
@@ -56,15 +57,14 @@ def plan_file(
     """
 
     def read() -> tuple[NetworkPlan, WorstCaseLoad | None]:
-        plan = _plan_of(
-            session, file, trust_stamp=trust_stamp, include=include, manager=manager, lists_missing=saved is None
-        )
-        return plan, None if manager is not None or plan.lacking else load_after(session, plan)
+        options = PlanOptions(trust_stamp, include, manager, lists_missing=saved is None)
+        network_plan = _plan_of(session, file, options)
+        return network_plan, None if manager is not None or network_plan.lacking else load_after(session, network_plan)
 
-    plan, need = session.read_together(read)
-    guards = {node.node_id: session.node(node.node_id).guard for node in plan.nodes}
+    network_plan, need = session.read_together(read)
+    guards = {node_plan.node_id: session.node(node_plan.node_id).guard for node_plan in network_plan.nodes}
     interrupted = (node_id for node_id, guard in guards.items() if guard is not None and guard.unfinished_journal())
-    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
+    answer = NetworkPlanned(network_plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         from dvtcli.operations.session.save_script import make_file
 
@@ -86,7 +86,7 @@ def apply_file(
     session: Session,
     file: str,
     *,
-    prove: str | None = None,
+    prove: ProveBy | None = None,
     trust_stamp: bool = False,
     include: tuple[str, ...] = (),
     manager: int | None = None,
@@ -104,23 +104,24 @@ def apply_file(
         raise UsageError(
             "give only one of them: values that are not read are not proved", given={"trust_stamp": True, "prove": None}
         )
-    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
-    on_plan(plan)
-    applied_now = apply_network(session, plan, prove=prove)
+    network_plan = _plan_of(session, file, PlanOptions(trust_stamp, include, manager))
+    on_plan(network_plan)
+    applied_now = apply_network(session, network_plan, prove=prove)
     if prove is not None:
-        _tell_unproved(session, plan)
+        _tell_unproved(session, network_plan)
     return applied_now
 
 
-def _tell_unproved(session: SessionNodes, plan: NetworkPlan) -> None:
-    """Report nodes of *plan* whose stored values were to be proved and are not."""
-    left = [node.node_id for node in plan.nodes if not (node.store or node.is_asked_nothing)]
+def _tell_unproved(session: SessionNodes, network_plan: NetworkPlan) -> None:
+    """Report nodes of *network_plan* whose stored values were to be proved and are not."""
+    left = [
+        node_plan.node_id for node_plan in network_plan.nodes if not (node_plan.store or node_plan.is_asked_nothing)
+    ]
     unasked = [node_id for node_id in left if takes_store(session.node(node_id))]
     unable = [node_id for node_id in left if node_id not in unasked]
-    if not any(node.store for node in plan.nodes):
-        words = (
-            f"nothing is proved: {verbatim(plan.file)} stores on no node (`store: true`), and {{}} proves stores only"
-        )
+    if not any(node_plan.store for node_plan in network_plan.nodes):
+        file = verbatim(network_plan.file)
+        words = f"nothing is proved: {file} stores on no node (`store: true`), and {{}} proves stores only"
         how = Hint(Action.GIVE, {"prove": True}, words)
         if unasked:
             how += Hint(Action.PROVE_STORE, {"node": unasked}, "{} stores and proves")
@@ -128,7 +129,7 @@ def _tell_unproved(session: SessionNodes, plan: NetworkPlan) -> None:
         return
     if unable:
         session.reporter.note(f"{all_nodes(unable)} cannot store (0x1010), so nothing is proved")
-    again = [node.node_id for node in plan.nodes if node.store and not node.stores]
+    again = [node_plan.node_id for node_plan in network_plan.nodes if node_plan.store and not node_plan.stores]
     for ids, why in (
         (unasked, ": no `store: true`, so nothing is proved; {} stores and proves"),
         (again, " stored nothing now, so the stored values are not proved; {} proves them"),
@@ -152,94 +153,85 @@ def may_store(file: str) -> bool:
         return False  # nothing of it is carried out
 
 
-def _new_plan(
-    session: Session,
-    file: str,
-    *,
-    trust_stamp: bool,
-    include: tuple[str, ...],
-    manager: int | None,
-    lists_missing: bool,
-) -> NetworkPlan:
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """Options of `plan_file` and `apply_file`; with *lists_missing* the plan lists objects that devices lack."""
+
+    trust_stamp: bool = False
+    include: tuple[str, ...] = ()
+    manager: int | None = None
+    lists_missing: bool = False
+
+    def refuse_with_saved(self, file: str) -> None:
+        """Raises UsageError if an option is given that the saved plan *file* cannot have."""
+        listed, read = "lists the values to write", "has the values that were read"
+        for given, why, words in (
+            (self.manager is not None, listed, {"to_manager": "NODE"}),
+            (bool(self.include), listed, {"include": "OBJECT"}),
+            (self.trust_stamp, read, {"trust_stamp": True}),
+        ):
+            if given:
+                raise UsageError(
+                    f"{file} is a saved plan, which already {why}",
+                    hint=Hint(Action.PLAN) + Hint(Action.GIVE, words, " {} makes a plan"),
+                )
+
+
+def _new_plan(session: Session, file: str, options: PlanOptions) -> NetworkPlan:
     """Plan *file* by its suffix; raises UsageError for options of the other kind of file."""
-    if manager is not None:
+    if options.manager is not None:
         from dvtcli.operations.network.concise_network import plan_manager
 
-        if trust_stamp or include or is_about_device(file):
+        if options.trust_stamp or options.include or is_about_device(file):
             raise UsageError(
                 "a manager gets a complete network file: no other file, and not its stamps or single objects",
-                given={"to_manager": manager},
+                given={"to_manager": options.manager},
             )
-        return plan_manager(session, file, manager)
+        return plan_manager(session, file, options.manager)
     if not is_about_device(file):
-        if include:
+        if options.include:
             raise UsageError(
                 "select objects of a DCF, an XDC or a backup only; a network file lists its objects itself",
                 given={"include": None},
             )
-        return plan_network(session, file, trust_stamp=trust_stamp, lists_missing=lists_missing)
-    if trust_stamp:
+        return plan_network(session, file, trust_stamp=options.trust_stamp, lists_missing=options.lists_missing)
+    if options.trust_stamp:
         raise UsageError("only the nodes of a network file have a stamp", given={"trust_stamp": True})
     from dvtcli.operations.devices.plan_device import DeviceOptions, plan_device
 
-    return plan_device(session, file, DeviceOptions(include))
+    return plan_device(session, file, DeviceOptions(options.include))
 
 
-def _plan_of(
-    session: Session,
-    file: str,
-    *,
-    trust_stamp: bool,
-    include: tuple[str, ...],
-    manager: int | None,
-    lists_missing: bool = False,
-) -> NetworkPlan:
+def _plan_of(session: Session, file: str, options: PlanOptions) -> NetworkPlan:
     with _opened(file):
         is_saved = not is_about_device(file) and is_network_plan(Path(file))
         saved = read_network_plan(Path(file)) if is_saved else None
     if saved is None:
-        return _new_plan(
-            session, file, trust_stamp=trust_stamp, include=include, manager=manager, lists_missing=lists_missing
-        )
-    if manager is not None:
-        raise UsageError(
-            f"{file} is a saved plan, which already lists the values to write",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"to_manager": "NODE"}, " {} makes a plan"),
-        )
-    if include:
-        raise UsageError(
-            f"{file} is a saved plan, which already lists the values to write",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"include": "OBJECT"}, " {} makes a plan"),
-        )
-    if trust_stamp:
-        raise UsageError(
-            f"{file} is a saved plan, which already has the values that were read",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes a plan"),
-        )
+        return _new_plan(session, file, options)
+    options.refuse_with_saved(file)
     tell_unknown_bit_rate(session, len(saved.nodes))
     nodes = {node_plan.node_id: session.node(node_plan.node_id) for node_plan in saved.nodes}
-    for node in saved.nodes:
-        if not len(node.plan) and node.plan.changes:
-            raise InputFileError(f"{file}: node {node.node_id} changes nothing", place=file)
+    for node_plan in saved.nodes:
+        if not len(node_plan.plan) and node_plan.plan.changes:
+            raise InputFileError(f"{file}: node {node_plan.node_id} changes nothing", place=file)
     with received_ids(session.bus) as received:
-        known = [_known(nodes[node_plan.node_id], node_plan) for node_plan in saved.nodes]
-        refuse_impossible_stores(nodes, {node_plan.node_id: node_plan.store for node_plan in known})
-        plan = replace(saved, nodes=tuple(check_plans(nodes, known, force=session.options.force)))
-        return checked_network(
-            session, plan, received, of_device=any(node_plan.needs_power_off for node_plan in plan.nodes)
-        )
+        node_plans = [_up_to_date(nodes[node_plan.node_id], node_plan) for node_plan in saved.nodes]
+        refuse_impossible_stores(nodes, {node_plan.node_id: node_plan.store for node_plan in node_plans})
+        network_plan = replace(saved, nodes=tuple(check_plans(nodes, node_plans, force=session.options.force)))
+        of_device = any(node_plan.needs_power_off for node_plan in network_plan.nodes)
+        return checked_network(session, network_plan, received, of_device=of_device)
 
 
-def _known(node: ReadableNode, planned: NodePlan) -> NodePlan:
-    """Add data of *node* to *planned*; raises SafetyRefusal if the node differs from the plan's basis."""
+def _up_to_date(node: ReadableNode, node_plan: NodePlan) -> NodePlan:
+    """Add data of *node* to *node_plan*; raises SafetyRefusal if the node differs from the plan's basis."""
     from dvtcli.operations.plans.apply_network import refuse_stale
 
     boot_ups = node.bus.boot_ups(node.node_id)
     node.read_anew()
-    refuse_stale(node, planned, (*planned.plan.changes, *planned.holds))
-    changes = planned.plan.changes
+    refuse_stale(node, node_plan, (*node_plan.plan.changes, *node_plan.holds))
+    changes = node_plan.plan.changes
     words = names(node, changes), understood(node, changes)
-    return replace(planned, title=node.title, names=words[0], understood=words[1], boot_ups=boot_ups)
+    return replace(node_plan, title=node.title, names=words[0], understood=words[1], boot_ups=boot_ups)
 
 
 @contextmanager

@@ -85,8 +85,10 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
     from dvtcli.operations.plans.read_network_config import read_network_config
 
     config = read_network_config(file)
-    plan = plan_network_config(session, config, FileLog(file, network_text(file)))
-    return network_after(network_state(session.node(node.node_id) for node in plan.nodes), plan, config)
+    network_plan = plan_network_config(session, config, FileLog(file, network_text(file)))
+    return network_after(
+        network_state(session.node(node_plan.node_id) for node_plan in network_plan.nodes), network_plan, config
+    )
 
 
 def _measured(session: SessionNodes, for_s: float) -> Measured:
@@ -121,16 +123,16 @@ def _us(time_ms: float | None) -> int | None:
     return None if time_ms is None else round(time_ms * 1000)
 
 
-def load_after(session: SessionNodes, plan: NetworkPlan) -> WorstCaseLoad | None:
-    """Compute the worst-case bus load after *plan*; None if the bit rate is unknown.
+def load_after(session: SessionNodes, network_plan: NetworkPlan) -> WorstCaseLoad | None:
+    """Compute the worst-case bus load after *network_plan*; None if the bit rate is unknown.
 
     Reads all PDOs of its nodes; None if a node cannot, or must not, be read.
     """
     bit_rate = session.wire.bitrate or session.options.bitrate
-    if bit_rate is None or plan.unread:
+    if bit_rate is None or network_plan.unread:
         return None
     try:
-        state = network_state(session.node(node.node_id) for node in plan.nodes)
+        state = network_state(session.node(node_plan.node_id) for node_plan in network_plan.nodes)
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return None
-    return worst_case_load(streams_of(network_after(state, plan)), bit_rate)
+    return worst_case_load(streams_of(network_after(state, network_plan)), bit_rate)

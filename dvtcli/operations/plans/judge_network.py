@@ -43,47 +43,53 @@ if TYPE_CHECKING:
 ERROR, WARNING = Severity.ERROR, Severity.WARNING
 
 
-def check_plans(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
-    """Judge *planned* as a whole and add the questions to ask.
+def check_plans(nodes: Mapping[int, Node], node_plans: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
+    """Judge *node_plans* as a whole and add the questions to ask.
 
     Raises RuleError with all errors of all nodes, and InputFileError for an invalid concise DCF (0x1F22), unless
     forced.
     """
-    planned = list(planned)
-    found = judge_plans(nodes, planned, force=force, placed=in_objects(planned))
+    node_plans = list(node_plans)
+    found = judge_plans(nodes, node_plans, force=force, placed=in_objects(node_plans))
     if (refused := refusals(found)) and not force:
         raise together(refused)
     return iter(found)
 
 
 def judge_plans(
-    nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool, placed: Placed | None = None
+    nodes: Mapping[int, Node], node_plans: Iterable[NodePlan], *, force: bool, placed: Placed | None = None
 ) -> list[NodePlan]:
-    """Judge *planned* as a whole; errors are added as findings, and so are the questions to ask.
+    """Judge *node_plans* as a whole; errors are added as findings, and so are the questions to ask.
 
     *placed* gives a finding its place in a file. Raises InputFileError for an invalid concise DCF (0x1F22), unless
     forced.
     """
-    planned = [_doubted(nodes[plan.node_id], plan, force=force) for plan in planned]
-    after = {plan.node_id: _cob_ids(plan) for plan in planned}
+    node_plans = [_doubted(nodes[node_plan.node_id], node_plan, force=force) for node_plan in node_plans]
+    after = {node_plan.node_id: _cob_ids(node_plan) for node_plan in node_plans}
     senders = Senders(nodes, after)
     if any(
         pdo.is_tpdo and cob_id is not None and cob_id.valid for ids in after.values() for pdo, cob_id in ids.items()
     ):
         senders.read_ahead([node_id for node_id, ids in after.items() if ids])
-    sent = sent_by_id(planned)
-    found = [replace(plan, findings=(*plan.findings, *_all_findings(nodes, plan, sent, senders))) for plan in planned]
+    sent = sent_by_id(node_plans)
+    found = [
+        replace(node_plan, findings=(*node_plan.findings, *_all_findings(nodes, node_plan, sent, senders)))
+        for node_plan in node_plans
+    ]
     if placed is None:
         return found
-    return [replace(plan, findings=tuple(placed(plan.node_id, finding) for finding in plan.findings)) for plan in found]
-
-
-def refusals(planned: Iterable[NodePlan]) -> list[RuleError]:
-    """Make an error for each node of *planned* with findings of severity error."""
     return [
-        RuleError(f"node {plan.node_id}: {errors[0].text}", errors, node=plan.node_id)
-        for plan in planned
-        if (errors := errors_in(plan.findings))
+        replace(node_plan, findings=tuple(placed(node_plan.node_id, finding) for finding in node_plan.findings))
+        for node_plan in found
+    ]
+
+
+def refusals(node_plans: Iterable[NodePlan]) -> list[RuleError]:
+    """Make an error for each node of *node_plans* with findings of severity error."""
+    return [
+        RuleError(f"node {node_plan.node_id}: {errors[0].text}", errors, node=node_plan.node_id)
+        for node_plan in node_plans
+        if (errors := errors_in(node_plan.findings))
     ]
 
 
@@ -133,9 +139,9 @@ def _each_step(hint: Hint | str | None, change: Callable[[Hint], Hint]) -> Hint 
     return sum(others, start=first)
 
 
-def in_objects(planned: Sequence[NodePlan]) -> Placed:
+def in_objects(node_plans: Sequence[NodePlan]) -> Placed:
     """Give findings of a file of object values the object where their hints apply."""
-    wanted = {(plan.node_id, pdo) for plan in planned for pdo in plan.wanted}
+    wanted = {(node_plan.node_id, pdo) for node_plan in node_plans for pdo in node_plan.wanted}
 
     def placed(node_id: int | None, finding: Finding) -> Finding:
         at = _in_file(finding.pdo) or f"at {finding.place} in the file"
@@ -184,35 +190,35 @@ def _said_together(step: Hint, words: str) -> Hint:
     return Hint(None, why=sentence(replace(step, why=why.replace("{} first", "{}")), lambda _step: words))
 
 
-def _doubted(node: NodeDescription, planned: NodePlan, *, force: bool) -> NodePlan:
+def _doubted(node: NodeDescription, node_plan: NodePlan, *, force: bool) -> NodePlan:
     """Add the question about what the node, as a manager, would download to others."""
-    steps = [change.step for change in planned.plan.changes if isinstance(change, ValueChange)]
+    steps = [change.step for change in node_plan.plan.changes if isinstance(change, ValueChange)]
     concise = {step.sub_index: step.after for step in steps if step.index == CONCISE_DCF and step.sub_index}
     if not concise:
-        return planned
+        return node_plan
     from dvtcli.operations.session.consent import concise_doubts
 
     doubt = concise_doubts(node, concise, force=force)
-    return replace(planned, doubt="; ".join(filter(None, (planned.doubt, doubt))))
+    return replace(node_plan, doubt="; ".join(filter(None, (node_plan.doubt, doubt))))
 
 
 def _all_findings(
-    nodes: Mapping[int, ReadableNode], one: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
+    nodes: Mapping[int, ReadableNode], node_plan: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
 ) -> Iterator[Finding]:
-    yield from _findings(nodes[one.node_id], one, senders)
-    yield from length_findings(one, sent)
-    if moved := moved_tpdos(one):
-        yield from left_findings(one, moved, senders.sent(), senders.received())
+    yield from _findings(nodes[node_plan.node_id], node_plan, senders)
+    yield from length_findings(node_plan, sent)
+    if moved := moved_tpdos(node_plan):
+        yield from left_findings(node_plan, moved, senders.sent(), senders.received())
 
 
-def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
-    changes = (change for change in plan.plan.changes if isinstance(change, PdoChange))
+def _cob_ids(node_plan: NodePlan) -> dict[Pdo, CobId | None]:
+    changes = (change for change in node_plan.plan.changes if isinstance(change, PdoChange))
     return {change.pdo: change.after.communication.cob_id for change in changes}
 
 
-def _findings(node: ReadableNode, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
-    together: dict[Pdo, PdoConfig] = dict(planned.wanted)
-    changes = planned.plan.changes
+def _findings(node: ReadableNode, node_plan: NodePlan, senders: Senders) -> Iterator[Finding]:
+    together: dict[Pdo, PdoConfig] = dict(node_plan.wanted)
+    changes = node_plan.plan.changes
     together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     for change in changes:
         if isinstance(change, PdoChange):
@@ -226,14 +232,15 @@ def _findings(node: ReadableNode, planned: NodePlan, senders: Senders) -> Iterat
 
 
 def judge_network(
-    session: Session, plan: NetworkPlan, config: NetworkConfig, log: FileLog, *, of_device: bool = False
+    session: Session, network_plan: NetworkPlan, config: NetworkConfig, log: FileLog, *, of_device: bool = False
 ) -> NetworkPlan:
-    """Judge the state after *plan* by the rules of networks: errors, and warnings about what *config* names.
+    """Judge the state after *network_plan* by the rules of networks: errors, and warnings about what *config* names.
 
-    Returns *plan* with the findings, at their places in the file of *log*. Reads the nodes of the plan, except those
-    that it skips for their stamp; CAN-IDs of the session's other nodes count, too. If the plan has not all nodes of the
-    file, there are errors only: a warning may be wrong without the others. An error about what the plan does not change
-    becomes a warning if its rule is about one device, and with *of_device* (the file of one device) for every rule.
+    Returns *network_plan* with the findings, at their places in the file of *log*. Reads the nodes of the plan, except
+    those that it skips for their stamp; CAN-IDs of the session's other nodes count, too. If the plan has not all nodes
+    of the file, there are errors only: a warning may be wrong without the others. An error about what the plan does not
+    change becomes a warning if its rule is about one device, and with *of_device* (the file of one device) for every
+    rule.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
     from dvtcli.domain.network.check.network_rules import (
@@ -246,18 +253,22 @@ def judge_network(
     )
     from dvtcli.operations.plans.network_states import network_after, states_beside, states_of, with_link_marks
 
-    read = [planned.node_id for planned in plan.nodes if planned.is_read]
-    if not read or plan.lacking:
-        return plan
-    is_complete = all(node.mark.line for node in config.nodes) and not plan.unread and not named_nodes(session)
+    read = [node_plan.node_id for node_plan in network_plan.nodes if node_plan.is_read]
+    if not read or network_plan.lacking:
+        return network_plan
+    is_complete = all(node.mark.line for node in config.nodes) and not network_plan.unread and not named_nodes(session)
     bit_rate = session.wire.bitrate or session.options.bitrate
-    state = network_after(states_of(session, [session.node(read_id) for read_id in read]), plan, config)
+    state = network_after(states_of(session, [session.node(read_id) for read_id in read]), network_plan, config)
     state = with_link_marks(state, config.links)
     found: dict[int, dict[Finding, None]] = {}
-    said = {(planned.node_id, finding.pdo, finding.rule) for planned in plan.nodes for finding in planned.findings}
-    texts = {(planned.node_id, finding.text) for planned in plan.nodes for finding in planned.findings}
+    said = {
+        (node_plan.node_id, finding.pdo, finding.rule)
+        for node_plan in network_plan.nodes
+        for finding in node_plan.findings
+    }
+    texts = {(node_plan.node_id, finding.text) for node_plan in network_plan.nodes for finding in node_plan.findings}
     superseded: set[tuple[int, Pdo | None, str]] = set()
-    changed = {(planned.node_id, what) for planned in plan.nodes for what in _changed(planned)}
+    changed = {(node_plan.node_id, what) for node_plan in network_plan.nodes for what in _changed(node_plan)}
     network = CheckedNetwork(state, bit_rate or state.bit_rate)
     findings = network_findings(network, {rule.name for rule in NETWORK_RULES})
     if beside := states_beside(session, read):
@@ -280,20 +291,20 @@ def judge_network(
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
             words = text if severity is rule.severity else f"{text}; the node already has it"
             hint = rule.hint if rule.hint and any(held.mark.line for held in config.nodes) else None
-            finding = finding_of(rule.name, severity, _place(spot, plan.file), f"{label}{words}", hint)
+            finding = finding_of(rule.name, severity, _place(spot, network_plan.file), f"{label}{words}", hint)
             mark = mark_of(state, spot)
             complaint = log.shown(mark, words) if mark.line else None
             found.setdefault(node_id, {})[replace(finding, complaint=complaint)] = None
     nodes = []
-    for node_plan in plan.nodes:
+    for node_plan in network_plan.nodes:
         kept = (each for each in node_plan.findings if (node_plan.node_id, each.pdo, each.rule) not in superseded)
         nodes.append(replace(node_plan, findings=(*kept, *found.get(node_plan.node_id, ()))))
-    return replace(plan, nodes=tuple(nodes))
+    return replace(network_plan, nodes=tuple(nodes))
 
 
-def _changed(planned: NodePlan) -> set[Pdo | int]:
-    """List the PDOs that *planned* changes, even by a single parameter, and the indices of other objects."""
-    changes = planned.plan.changes
+def _changed(node_plan: NodePlan) -> set[Pdo | int]:
+    """List the PDOs that *node_plan* changes, even by a single parameter, and the indices of other objects."""
+    changes = node_plan.plan.changes
     return {
         change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index) or change.step.index
         for change in changes

@@ -134,28 +134,31 @@ def _carried_out(
 ) -> NetworkApplied:
     from dvtcli.operations.plans.apply_network import apply_network
 
-    plan = plan_network_config(session, config, FileLog(name, ""), of_network=True)
-    if producer is not None and not plan.unknown_syncs:
-        plan = replace(plan, nodes=tuple(_with_sync_finding(session, node, producer) for node in plan.nodes))
-    on_plan(plan)
-    return apply_network(session, plan, name=name, asks=False)
+    network_plan = plan_network_config(session, config, FileLog(name, ""), of_network=True)
+    if producer is not None and not network_plan.unknown_syncs:
+        network_plan = replace(
+            network_plan,
+            nodes=tuple(_with_sync_finding(session, node_plan, producer) for node_plan in network_plan.nodes),
+        )
+    on_plan(network_plan)
+    return apply_network(session, network_plan, name=name, asks=False)
 
 
-def _with_sync_finding(session: SessionNodes, planned: NodePlan, producer: Endpoint) -> NodePlan:
+def _with_sync_finding(session: SessionNodes, node_plan: NodePlan, producer: Endpoint) -> NodePlan:
     """Warn in the plan of the *producer*'s node if its TPDO will be synchronous and no known node produces SYNC.
 
     Not if a node does not say whether it does.
     """
-    if planned.node_id != producer.node_id:
-        return planned
-    wanted = planned.wanted.get(producer.pdo)
+    if node_plan.node_id != producer.node_id:
+        return node_plan
+    wanted = node_plan.wanted.get(producer.pdo)
     kind = None if wanted is None else wanted.communication.transmission_type
     if kind not in SYNCHRONOUS or any(_may_produce_sync(session, node) for node in session.known_ids()):
-        return planned
+        return node_plan
     place = f"0x{producer.pdo.communication_index:04X}:02"
     text = f"{producer.pdo.label} is synchronous (type {kind}), and no known node produces SYNC, for which it waits"
     found = warning("link-no-sync", place, text, Hint(Action.CHECK_SYNC, why="listens for SYNC"))
-    return replace(planned, findings=(*planned.findings, found))
+    return replace(node_plan, findings=(*node_plan.findings, found))
 
 
 def _may_produce_sync(session: SessionNodes, node_id: int) -> bool:

@@ -160,37 +160,40 @@ def network_state(nodes: Iterable[ReadableNode], *, for_rules: bool = False) -> 
     return NetworkState(tuple(sorted(states, key=lambda state: state.node_id)))
 
 
-def network_after(state: NetworkState, plan: NetworkPlan, config: NetworkConfig | None = None) -> NetworkState:
-    """Compute *state* after *plan*; *config* is the plan's origin, if known."""
-    planned = {node.node_id: node for node in plan.nodes}
+def network_after(state: NetworkState, network_plan: NetworkPlan, config: NetworkConfig | None = None) -> NetworkState:
+    """Compute *state* after *network_plan*; *config* is the plan's origin, if known."""
+    node_plans = {node_plan.node_id: node_plan for node_plan in network_plan.nodes}
     configured = {node.node_id: node for node in config.nodes} if config else {}
-    nodes = (_node_after(node, planned.get(node.node_id), configured.get(node.node_id)) for node in state.nodes)
+    nodes = (_node_after(node, node_plans.get(node.node_id), configured.get(node.node_id)) for node in state.nodes)
     links = () if config is None else config.links
     return state._replace(
-        nodes=tuple(nodes), master=plan.master if config is None else config.master, links=links, file=plan.file
+        nodes=tuple(nodes),
+        master=network_plan.master if config is None else config.master,
+        links=links,
+        file=network_plan.file,
     )
 
 
-def _node_after(state: NodeState, plan: NodePlan | None, config: NodeConfig | None) -> NodeState:
-    if plan is None:
+def _node_after(state: NodeState, node_plan: NodePlan | None, config: NodeConfig | None) -> NodeState:
+    if node_plan is None:
         return state
-    changes = plan.plan.changes
+    changes = node_plan.plan.changes
     pdos = {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     steps = (change.step for change in changes if isinstance(change, ValueChange))
     written = {(step.index, step.sub_index): int.from_bytes(step.after, "little") for step in steps}
     after = replace(
-        state, name=plan.name, pdos={**plan.wanted, **state.pdos, **pdos}, numbers={**state.numbers, **written},
-        said=plan.findings,
+        state, name=node_plan.name, pdos={**node_plan.wanted, **state.pdos, **pdos},
+        numbers={**state.numbers, **written}, said=node_plan.findings,
     )  # fmt: skip
     if config is None:
         return after
-    return replace(with_config(after, config), unresolved=frozenset(_unresolved(state.dictionary, plan, config)))
+    return replace(with_config(after, config), unresolved=frozenset(_unresolved(state.dictionary, node_plan, config)))
 
 
-def _unresolved(dictionary: ObjectDictionary | None, plan: NodePlan, config: NodeConfig) -> Iterator[Pdo]:
-    """Yield the PDOs that *config* maps and *plan* lacks, or whose mapping has an object missing in *dictionary*."""
+def _unresolved(dictionary: ObjectDictionary | None, node_plan: NodePlan, config: NodeConfig) -> Iterator[Pdo]:
+    """Yield the PDOs that *config* maps and *node_plan* lacks, or maps with an object missing in *dictionary*."""
     for pdo in (pdo_config.pdo for pdo_config in config.pdos if pdo_config.mapping is not None):
-        want = plan.wanted.get(pdo)
+        want = node_plan.wanted.get(pdo)
         entries = () if want is None or dictionary is None else want.mapping
         if want is None or any(
             not entry.is_dummy and dictionary is not None and dictionary.entry(entry.index, entry.sub_index) is None

@@ -82,13 +82,15 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, list
     config = of_nodes(session, file, config, named_nodes(session))
     tell_unknown_bit_rate(session, len(config.nodes))
     log = FileLog(file, network_text(file))
-    plan = plan_network_config(
+    network_plan = plan_network_config(
         session, config, log, trust_stamp=trust_stamp, lists_missing=lists_missing, of_network=True
     )
-    undescribed = [node.node_id for node in plan.nodes if session.node(node.node_id).dictionary is None]
+    undescribed = [
+        node_plan.node_id for node_plan in network_plan.nodes if session.node(node_plan.node_id).dictionary is None
+    ]
     if undescribed:
         session.reporter.note(f"{file}: {skipped_rules(undescribed)}")
-    return plan
+    return network_plan
 
 
 def plan_network_config(
@@ -113,7 +115,7 @@ def plan_network_config(
         received_ids(session.bus) as received,
         session.network.as_it_was_if_refused(),
     ):
-        plan = _identify_and_plan(
+        network_plan = _identify_and_plan(
             session,
             config,
             log,
@@ -124,56 +126,61 @@ def plan_network_config(
             received=received,
         )
         if not lists_missing and failures is None:
-            refuse_lacking(plan)
+            refuse_lacking(network_plan)
     return with_unknown_syncs(
-        session, replace(plan, has_sync_master=_master_syncs(config), master=config.master), frames
+        session, replace(network_plan, has_sync_master=_master_syncs(config), master=config.master), frames
     )
 
 
 def _received_refusals(
-    session: SessionNodes, plan: NetworkPlan, received: ReceivedIds, placed: Placed
+    session: SessionNodes, network_plan: NetworkPlan, received: ReceivedIds, placed: Placed
 ) -> Iterator[RuleError]:
-    """Yield an error for each node of *plan* with a TPDO that would get a CAN-ID *received* from an unknown sender.
+    """Yield an error for each node of *network_plan* whose TPDO would get a CAN-ID *received* from an unknown sender.
 
     *placed* gives a finding its place in the file.
     """
-    for node in plan.nodes if received.bus is not None else ():
-        changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
-        held = {pdo: (want, want) for pdo, want in node.wanted.items()}  # unless the plan changes it
+    for node_plan in network_plan.nodes if received.bus is not None else ():
+        changes = [change for change in node_plan.plan.changes if isinstance(change, PdoChange)]
+        held = {pdo: (want, want) for pdo, want in node_plan.wanted.items()}  # unless the plan changes it
         pdos = held | {change.pdo: (change.before, change.after) for change in changes}
-        findings = seen_producer_findings(session.node(node.node_id), pdos, received)
-        if found := [placed(node.node_id, finding) for finding in findings]:
-            yield RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id)
+        findings = seen_producer_findings(session.node(node_plan.node_id), pdos, received)
+        if found := [placed(node_plan.node_id, finding) for finding in findings]:
+            yield RuleError(f"node {node_plan.node_id}: {found[0].text}", found, node=node_plan.node_id)
 
 
-def checked_network(session: Session, plan: NetworkPlan, received: ReceivedIds, *, of_device: bool) -> NetworkPlan:
-    """Judge *plan* of a file without a network, a saved plan or a plan *of_device*, by the rules of networks.
+def checked_network(
+    session: Session, network_plan: NetworkPlan, received: ReceivedIds, *, of_device: bool
+) -> NetworkPlan:
+    """Judge *network_plan* of a file without a network, a saved plan or a plan *of_device*, by the rules of networks.
 
     Raises RuleError with their errors and with TPDOs that would get a CAN-ID *received* from an unknown sender, unless
     forced.
     """
-    config = NetworkConfig(tuple(NodeConfig(node.name, node.node_id) for node in plan.nodes))
-    plan = judge_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
+    config = NetworkConfig(tuple(NodeConfig(node_plan.name, node_plan.node_id) for node_plan in network_plan.nodes))
+    network_plan = judge_network(session, network_plan, config, FileLog(network_plan.file, ""), of_device=of_device)
     if not session.options.force:
-        refused = [*refusals(plan.nodes), *_received_refusals(session, plan, received, in_objects(plan.nodes))]
+        refused = [
+            *refusals(network_plan.nodes),
+            *_received_refusals(session, network_plan, received, in_objects(network_plan.nodes)),
+        ]
         if refused:
             raise together(refused)
-    return plan
+    return network_plan
 
 
 def _master_syncs(config: NetworkConfig) -> bool:
     return config.master is not None and bool(config.master.sync_period_us)
 
 
-def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
-    """Add to *plan* the SYNCs among *frames* from unknown producers; reports new ones."""
-    if plan.has_sync_master:
-        return plan
+def with_unknown_syncs(session: SessionNodes, network_plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
+    """Add to *network_plan* the SYNCs among *frames* from unknown producers; reports new ones."""
+    if network_plan.has_sync_master:
+        return network_plan
     found = unknown_syncs(frames, [session.network.nodes[node_id] for node_id in sorted(session.network.nodes)])
     for can_id in found:
-        if can_id not in plan.unknown_syncs:
+        if can_id not in network_plan.unknown_syncs:
             session.reporter.note(sync_note(can_id))
-    return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
+    return replace(network_plan, unknown_syncs=tuple(sorted({*network_plan.unknown_syncs, *found})))
 
 
 def _identify_and_plan(
@@ -189,28 +196,28 @@ def _identify_and_plan(
 ) -> NetworkPlan:
     identified = identify_nodes(session, log.file, config)
     unread = nodes_by_stamp(identified.nodes, config) if trust_stamp else frozenset()
-    planned: list[NodePlan] = []
+    node_plans: list[NodePlan] = []
     missing = MissingObjects(log)
     try:
         read, missing = without_missing(identified.nodes, config.of(identified.nodes.keys() - unread), log)
-        planned = _judged(session, identified, read, log, by_rules=by_rules)
+        node_plans = _judged(session, identified, read, log, by_rules=by_rules)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         identified.failures.append(failed)
-    planned += (_unread(identified.nodes[node.node_id], node) for node in config.nodes if node.node_id in unread)
+    node_plans += (_unread(identified.nodes[node.node_id], node) for node in config.nodes if node.node_id in unread)
     nodes = (
         _with_nothing_asked(
             replace(node_plan, lacks=missing.of(node_plan.node_id), boot_ups=identified.boot_ups[node_plan.node_id]),
             config,
             log,
         )
-        for node_plan in sorted(planned, key=lambda planned_node: planned_node.node_id)
+        for node_plan in sorted(node_plans, key=lambda planned_node: planned_node.node_id)
     )
-    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), unlinked=missing.unlinked)
+    network_plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), unlinked=missing.unlinked)
     if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in identified.failures):
-        plan = judge_network(session, plan, config, log)
+        network_plan = judge_network(session, network_plan, config, log)
     if not session.options.force:
-        identified.failures += refusals(plan.nodes)
-        identified.failures += _received_refusals(session, plan, received, placed_in(config, log))
+        identified.failures += refusals(network_plan.nodes)
+        identified.failures += _received_refusals(session, network_plan, received, placed_in(config, log))
     if (identified.failures or failures is not None) and missing.found:
         lacking = missing_error(missing.found)
         lacking.findings = tuple(
@@ -221,15 +228,15 @@ def _identify_and_plan(
         identified.end()
     else:
         failures += identified.failures
-    return plan
+    return network_plan
 
 
-def _with_nothing_asked(planned: NodePlan, config: NetworkConfig, log: FileLog) -> NodePlan:
+def _with_nothing_asked(node_plan: NodePlan, config: NetworkConfig, log: FileLog) -> NodePlan:
     """Warn if the file of *config* names no value for the node."""
-    if not planned.is_asked_nothing or planned.node_id not in config.asked_nothing:
-        return planned
+    if not node_plan.is_asked_nothing or node_plan.node_id not in config.asked_nothing:
+        return node_plan
     found = warning("asked-nothing", "", ASKS_NOTHING)
-    return replace(planned, findings=(*planned.findings, placed_in(config, log)(planned.node_id, found)))
+    return replace(node_plan, findings=(*node_plan.findings, placed_in(config, log)(node_plan.node_id, found)))
 
 
 def _unread(node: ReadableNode, config: NodeConfig) -> NodePlan:
@@ -260,13 +267,15 @@ def _judged(
     resolved = {}
     for node in config.nodes:
         resolved[node.node_id] = resolve_node_config(nodes[node.node_id], node, log)
-    planned, refusals = plans_of(nodes, config, resolved, stamps)
+    node_plans, refusals = plans_of(nodes, config, resolved, stamps)
     for error in refusals:
         error.findings = tuple(placed(error.node, finding) for finding in error.findings)
         identified.failures.append(error)
-    planned = [replace(plan, findings=(*said.get(plan.node_id, ()), *plan.findings)) for plan in planned]
+    node_plans = [
+        replace(node_plan, findings=(*said.get(node_plan.node_id, ()), *node_plan.findings)) for node_plan in node_plans
+    ]
     if by_rules:
-        planned = judge_plans(nodes, planned, force=session.options.force, placed=placed)
+        node_plans = judge_plans(nodes, node_plans, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, config, log)
     except RuleError as refused:
@@ -275,7 +284,7 @@ def _judged(
         log.end(read=True)
     except InputFileError as wrong:
         identified.failures.append(wrong)
-    return planned
+    return node_plans
 
 
 def _known(session: SessionNodes, nodes: Mapping[int, NodeDescription]) -> Iterator[Node]:
@@ -306,11 +315,11 @@ def plans_of(
         nodes.values(),
         [partial(_look_at_stamp, nodes[one.node_id], stamps.get(one.node_id), one.changes) for one in found],
     )
-    planned = [
+    node_plans = [
         _node_plan(nodes[node.node_id], node, resolved[node.node_id], differences, stamps.get(node.node_id))
         for node, differences in zip(config.nodes, found, strict=True)
     ]
-    return planned, refused
+    return node_plans, refused
 
 
 def _look_ahead(node: ReadableNode, resolved: ResolvedConfig) -> None:

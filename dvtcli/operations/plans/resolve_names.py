@@ -372,13 +372,13 @@ _HINT = Hint(
 )
 
 
-def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
-    """Return *plan*; raises RuleError if devices lack objects of its file: nothing is carried out."""
-    if plan.lacking:
+def refuse_lacking(network_plan: NetworkPlan) -> NetworkPlan:
+    """Return *network_plan*; raises RuleError if devices lack objects of its file: nothing is carried out."""
+    if network_plan.lacking:
         from dvtcli.operations.results.failures import missing_error
 
-        raise missing_error(plan.lacking)
-    return plan
+        raise missing_error(network_plan.lacking)
+    return network_plan
 
 
 def without_missing(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -26,6 +26,9 @@ from tests.faults.matrix import Snapshot, snapshot, stored_pdos
 from tests.laws.bench import dictionary
 from tests.surroundings import ROOT
 from tests.virtual_time import VirtualTimeBus
+
+if TYPE_CHECKING:
+    from dvtcli.domain.store import ProveBy
 
 CHAIN = {1: "gen4", 5: "generic", 9: "generic"}
 FILE = ROOT / "examples" / "traction.yaml"
@@ -129,7 +132,7 @@ class Chain:
         with self.session() as session:
             return plan_file(session, str(file), trust_stamp=trust_stamp)
 
-    def apply(self, file: Path = FILE, *, prove: str | None = None) -> NetworkApplied:
+    def apply(self, file: Path = FILE, *, prove: ProveBy | None = None) -> NetworkApplied:
         with self.session() as session:
             return apply_file(session, str(file), prove=prove)
 
