@@ -69,8 +69,9 @@ def test_a_commands_help_and_usage_errors_open_no_bus(words: list[str]) -> None:
 @pytest.mark.parametrize(
     "words",
     [["--sim", "gen4", "read", "6041"], ["--sim", "gen4", "pdo"], ["--sim", "gen4", "-y", "map", "tpdo3", "6041"],
-     ["load", str(ROOT / "examples" / "line.yaml"), "-b", "125000"]],
-    ids=["read", "pdo", "map", "load"],
+     ["load", str(ROOT / "examples" / "line.yaml"), "-b", "125000"],
+     ["explain", "181#0102", "-d", str(ROOT / "examples" / "line.yaml")]],
+    ids=["read", "pdo", "map", "load", "explain"],
 )  # fmt: skip
 def test_simulated_and_offline_work_needs_no_can_library(words: list[str]) -> None:
     assert not loaded(*words) & {"can", "canopen"}

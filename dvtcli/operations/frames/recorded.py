@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recordings.recording_file import read_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,6 +111,8 @@ def _only_node(session: SessionUser, path: Path, file: Path, decoder: Decoder) -
 
 def _addresses(path: Path) -> set[Address]:
     """Return the addresses of all frames at *path*, up to its damage, which is reported when they are decoded."""
+    from dvtcli.files.recordings.recording_file import read_recording
+
     found: set[Address] = set()
     with suppress(InputFileError):
         found.update((frame.can_id, frame.extended) for frame in read_recording(path))
