@@ -6,6 +6,7 @@ Applies the NMT state's restrictions (CiA 301, 7.3.2.2) and tells when the next 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.can_ids import HEARTBEAT_BASE, SYNC_ID
@@ -22,6 +23,7 @@ from dvtcli.domain.objects import (
     GUARD_TIME,
     LIFE_TIME_FACTOR,
     PRODUCER_HEARTBEAT,
+    SAFETY_VALID,
     SYNC_OVERFLOW,
 )
 from dvtcli.domain.pdo import Pdo
@@ -31,7 +33,9 @@ from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family, MotorCopy, PinCopy
 from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
-from dvtcli.simulator.device.safety import SafetyObjects
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.safety import SafetyObjects
 
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29
 _INVALID, _TIME_USED, _FROZEN = 1 << 31, 3 << 30, 0x3FFF_FFFF
@@ -190,13 +194,14 @@ class FrameServices:
         self._heartbeat = Heartbeat(memory)
         self._producers = HeartbeatConsumer(memory, self._errors)
         self._guarded = GuardingResponse(memory)
-        self._safety = SafetyObjects(memory, self._errors)
+        self._safety = _safety_objects(memory, self._errors)
         #: frames of a new NMT state, for the next poll
         self._waiting: list[Frame] = []
         #: the number of starts so far
         self.starts = 0
         #: the services that check values of their objects
-        self.judges = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers, self._safety)
+        services = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers)
+        self.judges = services if self._safety is None else (*services, self._safety)
         #: the memory's count at the last poll, and the due time if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
@@ -213,7 +218,8 @@ class FrameServices:
         if state is not self._state:
             self._state = state
             self._exchange.forget()
-            self._waiting += self._safety.start(operational=state is NmtState.OPERATIONAL)
+            if self._safety is not None:
+                self._waiting += self._safety.start(operational=state is NmtState.OPERATIONAL)
             self._memory.touch()
 
     def booted(self) -> None:
@@ -226,7 +232,8 @@ class FrameServices:
         self._state = NmtState.INITIALISING
         self._exchange.forget()
         self._waiting.clear()
-        self._safety.start(operational=False)
+        if self._safety is not None:
+            self._safety.start(operational=False)
         self._errors.reset()
         self._producers.configure()
         self._guarded.reset()
@@ -242,7 +249,8 @@ class FrameServices:
             self._errors.list_active()
         if index == CONSUMER_HEARTBEAT:
             self._producers.configure()
-        self._safety.written(index)
+        if self._safety is not None:
+            self._safety.written(index)
         self.changed(index)
 
     def changed(self, index: int) -> None:
@@ -271,7 +279,8 @@ class FrameServices:
             return []
         if frame.remote:
             return self._exchange.request(frame)
-        self._safety.receive(frame)
+        if self._safety is not None:
+            self._safety.receive(frame)
         answers = self._exchange.receive(frame)
         self._copy()
         return answers
@@ -282,14 +291,15 @@ class FrameServices:
             return True
         if self._state is not NmtState.OPERATIONAL:
             return self._producers.listens(frame)
-        if self._safety.listens(frame):
+        if self._safety is not None and self._safety.listens(frame):
             return True
         return self._exchange.knows(frame) or self.hears_sync(frame) or self._producers.listens(frame)
 
     @property
     def hearing_changes(self) -> int:
         """A number that grows whenever the result of `hears` may change."""
-        return self._exchange.forgotten + self._sync_changes + self._producers.changes + self._safety.changes
+        changes = self._exchange.forgotten + self._sync_changes + self._producers.changes
+        return changes if self._safety is None else changes + self._safety.changes
 
     def hears_sync(self, frame: Frame) -> bool:
         """True if *frame* is the device's SYNC (0x1005, else 0x080)."""
@@ -311,7 +321,9 @@ class FrameServices:
         if self._state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             frames += self._take_waiting() + self._produce_sync(now_s) + self._errors.poll(now_s)
         if self._state is NmtState.OPERATIONAL:
-            frames += self._exchange.poll(now_s) + self._safety.poll(now_s)
+            frames += self._exchange.poll(now_s)
+            if self._safety is not None:
+                frames += self._safety.poll(now_s)
         self._due_s = self._next_due_s()
         return frames
 
@@ -328,7 +340,7 @@ class FrameServices:
         if self._state is not NmtState.STOPPED:
             due_s = min(due_s, self._sync_producer.due_s, self._errors.due_s)
         if self._state is NmtState.OPERATIONAL:
-            due_s = min(due_s, self._exchange.due_s, self._safety.due_s)
+            due_s = min(due_s, self._exchange.due_s, _NEVER if self._safety is None else self._safety.due_s)
         return due_s
 
     def _take_waiting(self) -> list[Frame]:
@@ -362,6 +374,15 @@ class FrameServices:
         """Update the objects tied by virtual PDOs."""
         if self._vpdos is not None:
             self._vpdos.copy()
+
+
+def _safety_objects(memory: Memory, errors: Emergencies) -> SafetyObjects | None:
+    """The SRDOs of a device, if it has any; none for a twin."""
+    if memory.backing is not None or not memory.exists(SAFETY_VALID, 0):
+        return None
+    from dvtcli.simulator.device.safety import SafetyObjects
+
+    return SafetyObjects(memory, errors)
 
 
 def _virtual_pdos(memory: Memory, family: Family) -> VirtualPdos | None:

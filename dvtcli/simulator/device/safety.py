@@ -39,7 +39,7 @@ class _Srdo:
 
 
 class SafetyObjects:
-    """The SRDOs of one device, at work in OPERATIONAL while 0x13FE is 0xA5; none without 0x13FE, and for a twin.
+    """The SRDOs of one device, at work in OPERATIONAL while 0x13FE is 0xA5.
 
     *due_s* is the time of the next pair that is sent, infinite for never; *changes* grows whenever the result of
     `listens` may change.
@@ -48,7 +48,6 @@ class SafetyObjects:
     def __init__(self, memory: Memory, errors: Emergencies) -> None:
         self._memory = memory
         self._errors = errors
-        self._exist = memory.backing is None and memory.exists(SAFETY_VALID, 0)
         self._operational = False
         self._srdos: list[_Srdo] = []
         self.changes = 0
@@ -56,7 +55,7 @@ class SafetyObjects:
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
         """Refuse a configuration of SRDOs in OPERATIONAL, and values that no SRDO has."""
-        if not self._exist or not self._configures(index):
+        if not self._configures(index):
             return
         if self._operational:
             raise Refusal(Abort.DEVICE_STATE)
@@ -78,7 +77,7 @@ class SafetyObjects:
 
     def written(self, index: int) -> None:
         """Invalidate the configuration after a write to a part of it."""
-        if self._exist and self._configures(index) and index != SAFETY_VALID:
+        if self._configures(index) and index != SAFETY_VALID:
             self._memory.write(SAFETY_VALID, 0, b"\0")
 
     def start(self, *, operational: bool) -> list[Frame]:
@@ -86,7 +85,7 @@ class SafetyObjects:
         self._operational = operational
         self.changes += 1
         self._srdos, self.due_s = [], _NEVER
-        if not self._exist or not operational or self._memory.number(SAFETY_VALID, 0) != _IS_VALID:
+        if not operational or self._memory.number(SAFETY_VALID, 0) != _IS_VALID:
             return []
         used = [index for index in SRDO_COMMUNICATION if self._memory.number(index, _DIRECTION) != _OFF]
         if any(self._signature(index) != self._memory.number(SAFETY_SIGNATURES, _number(index)) for index in used):
