@@ -12,7 +12,7 @@ from dvtcli.domain.ports import Frame
 
 #: CAN-IDs of the default SDO channels
 SDO_CAN_IDS = range(0x581, 0x680)
-_REQUESTS, _ANSWERS, _BETWEEN = range(0x601, 0x680), range(0x581, 0x600), 0x80
+_REQUEST_IDS, _ANSWER_IDS, _BETWEEN = range(0x601, 0x680), range(0x581, 0x600), 0x80
 #: command specifiers (bits 7..5) that begin a transfer to the server, or from it; the others go both ways
 _DOWNLOAD, _UPLOADED, _SEGMENT, _OF_BLOCKS, _BLOCK = 1, 2, 0, 5, 6
 _EXPEDITED, _ENDS_BLOCK, _LAST, _ABORT, _BLOCK_TAKEN = 0x02, 0x01, 0x80, 0x80, 0xA1
@@ -40,7 +40,7 @@ class SdoValues:
 
     def value_in(self, frame: Frame) -> slice | None:
         """Bytes of *frame*, the next frame on the bus, that are such a value or its checksum; None for none."""
-        requests, answers = frame.can_id in _REQUESTS, frame.can_id in _ANSWERS
+        requests, answers = frame.can_id in _REQUEST_IDS, frame.can_id in _ANSWER_IDS
         if not (requests or answers) or frame.extended or frame.remote or not frame.data:
             return None
         found = self._way(frame.can_id, _DOWNLOAD if requests else _UPLOADED).value_in(frame.data)

@@ -10,7 +10,7 @@ from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
-from dvtcli.domain.objects import SDO_SERVERS, SRDO_COMMUNICATION
+from dvtcli.domain.objects import FURTHER_SDO_SERVERS, SDO_SERVERS, SRDO_COMMUNICATION
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import ObjectAddress
@@ -122,7 +122,8 @@ class Decoder:
         self.called = dict(called or {})
         self.names = dict(names or {}) | self.called
         self.identities: dict[int, Mapping[str, int | None]] = {}
-        self._guessed: dict[Address, Layout] = {}
+        #: layouts by the pre-defined connection set
+        self._by_default: dict[Address, Layout] = {}
 
     def __len__(self) -> int:
         return len(self._known)
@@ -143,16 +144,16 @@ class Decoder:
 
     @property
     def layouts(self) -> Mapping[Address, Layout]:
-        """All layouts known for certain."""
+        """All layouts added, guesses included."""
         return self._known
 
     def layout(self, frame: Frame) -> Layout:
         """Layout of *frame*; without signals if unknown."""
         address = frame.can_id, frame.extended
-        found = self._known.get(address) or self._guessed.get(address)
+        found = self._known.get(address) or self._by_default.get(address)
         if found is None:
             found = Layout(service_of(frame.can_id, extended=frame.extended), (), no_values)
-            self._guessed[address] = found
+            self._by_default[address] = found
         return found
 
     def values(self, frame: Frame) -> dict[str, Value]:
@@ -292,6 +293,7 @@ class Misfits:
             yield frame
 
 
+#: by sub-index of an SDO server: the COB-ID to the server, and that from it
 _WORDS = {1: "request", 2: "answer"}
 
 
@@ -327,7 +329,7 @@ def described_channels(
     said = dict(written or {})
     srdos: dict[Address, Layout] = {}
     if dictionary is not None:
-        servers = [(index, sub) for index in dictionary.indices_among(SDO_SERVERS[1:]) for sub in _WORDS]
+        servers = [(index, sub) for index in dictionary.indices_among(FURTHER_SDO_SERVERS) for sub in _WORDS]
         parts = (SRDO_DIRECTION, *SRDO_COB_IDS)
         channels = [(index, sub) for index in dictionary.indices_among(SRDO_COMMUNICATION) for sub in parts]
         described = {place: _initial(dictionary, place, node_id) for place in (*servers, *channels)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 
 from dvtcli.domain import lss_services as lss
 from dvtcli.domain.abort import abort_text
@@ -12,23 +11,24 @@ from dvtcli.domain.can_ids import LSS_REQUEST_ID
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text, register_words
 from dvtcli.domain.frame import Field, layout
-from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Decoder, Layout, Signal, SignalPlace
 from dvtcli.watch.known_node import KnownNode, of_mpdo, said
 from dvtcli.watch.service import Service, service_of
+from dvtcli.watch.service_words import (
+    SDO_BYTES,
+    addressee,
+    command_word,
+    day,
+    sdo_command,
+    state_word,
+    time_of_day,
+    wrong_counter,
+    wrong_length,
+)
 
 #: name and value text of an object, by index, sub-index and bytes (None: no value)
 NameOf = Callable[[int, int, bytes | None], tuple[str, str]]
-_SDO_BYTES = 8
-_REQUESTS = {
-    0: "download segment", 1: "initiate download", 2: "initiate upload", 3: "upload segment", 4: "abort transfer",
-    5: "block upload", 6: "block download",
-}  # fmt: skip
-_ANSWERS = {
-    0: "upload segment", 1: "download segment accepted", 2: "initiate upload", 3: "download accepted",
-    4: "abort transfer", 5: "block download", 6: "block upload",
-}  # fmt: skip
 #: subcommands of the block transfers, by direction, command specifier and number
 _BLOCK = {
     (True, 5): ("initiate", "end", "blocks' answer", "start"),
@@ -41,11 +41,11 @@ _BLOCK = {
 def sdo_parts(data: bytes, *, request: bool, name_of: NameOf) -> Iterator[FramePart]:
     """Parts of an SDO *request*, or an answer."""
     cut = Bytes(data)
-    if len(data) < _SDO_BYTES:
-        yield from cut.rest(0, "too short: an SDO has 8 bytes")
+    if len(data) < SDO_BYTES:
+        yield from cut.rest(0, wrong_length("sdo", len(data)))
         return
     command = data[0] >> 5
-    words = (_REQUESTS if request else _ANSWERS).get(command, "unknown command specifier")
+    words = sdo_command(command, request=request) or "unknown command specifier"
     yield cut.part(5, 3, "client command specifier" if request else "server command specifier", words)
     if command == 4:
         yield from _abort(cut, name_of)
@@ -94,11 +94,11 @@ def _initiate(cut: Bytes, name_of: NameOf) -> Iterator[FramePart]:
         length = cut.number(4, 4)
         yield cut.part(32, 32, "size", f"{length} bytes follow" if sized else "not used")
         return
-    data = cut.data[4 : _SDO_BYTES - unused]
+    data = cut.data[4 : SDO_BYTES - unused]
     yield from _object(cut, name_of, data)
     _, value = name_of(cut.number(1, 2), cut.data[3], data)
     yield cut.part(32, 8 * len(data), "data", value)
-    yield from cut.rest(_SDO_BYTES - unused, "without data")
+    yield from cut.rest(SDO_BYTES - unused, "without data")
 
 
 def _segment(cut: Bytes) -> Iterator[FramePart]:
@@ -106,7 +106,7 @@ def _segment(cut: Bytes) -> Iterator[FramePart]:
     yield cut.part(4, 1, "toggle bit")
     yield cut.part(1, 3, "n: bytes without data", str(unused))
     yield cut.part(0, 1, "c", "the last segment" if cut.raw(0, 1) else "more segments follow")
-    end = _SDO_BYTES - unused
+    end = SDO_BYTES - unused
     if end > 1:
         yield cut.part(8, 8 * (end - 1), "data of the segment", _readable(cut.data[1:end]))
     yield from cut.rest(max(end, 1), "without data")
@@ -158,57 +158,47 @@ def _block_rest(cut: Bytes, step: str, *, sends: bool, request: bool, name_of: N
         yield from cut.rest(1, "reserved")
 
 
-_DAY_MS = 24 * 60 * 60 * 1000
-#: first day of TIME (CiA 301, 7.2.6)
-_EPOCH = datetime(1984, 1, 1, tzinfo=UTC)
-#: the values of SYNC's counter (CiA 301, 7.2.5.3.2)
-_COUNTERS = range(1, 241)
-
-
 def nmt_parts(data: bytes) -> Iterator[FramePart]:
     """An NMT command and its addressee."""
-    cut = Bytes(data)
+    cut, wrong = Bytes(data), wrong_length("nmt", len(data))
     if data:
-        word = NmtCommand(data[0]).word if data[0] in set(NmtCommand) else "reserved"
-        whole = "" if len(data) > 1 else "; too short: an NMT command has 2 bytes"
-        yield cut.part(0, 8, "command specifier", word + whole)
+        word = command_word(data[0]) or "reserved"
+        yield cut.part(0, 8, "command specifier", word if len(data) > 1 else f"{word}; {wrong}")
     if len(data) > 1:
-        node = data[1]
-        yield cut.part(8, 8, "node-ID", "all nodes" if not node else f"node {node}" if node <= 127 else "reserved")
-    yield from cut.rest(2, "one byte too many: an NMT command has 2 bytes")
+        yield cut.part(8, 8, "node-ID", addressee(data[1]))
+    yield from cut.rest(2, wrong)
 
 
 def sync_parts(data: bytes) -> Iterator[FramePart]:
     """SYNC: empty, or its counter."""
     cut = Bytes(data)
     if data:
-        said = str(data[0]) if data[0] in _COUNTERS else "reserved: SYNC counts from 1 to 240 at most"
-        yield cut.part(0, 8, "counter", said)
-    yield from cut.rest(1, "one byte too many: SYNC has a counter at most")
+        yield cut.part(0, 8, "counter", wrong_counter(data[0]) or str(data[0]))
+    yield from cut.rest(1, wrong_length("sync", len(data)))
 
 
 def time_parts(data: bytes) -> Iterator[FramePart]:
     """TIME: milliseconds since midnight, and days since 1 January 1984."""
-    cut = Bytes(data)
+    cut, wrong = Bytes(data), wrong_length("time", len(data))
     if len(data) < 6:
-        yield from cut.rest(0, "too short: TIME has 6 bytes")
+        yield from cut.rest(0, wrong)
         return
-    milliseconds, days = cut.raw(0, 28), cut.number(4, 2)
-    at = _EPOCH + timedelta(days=days, milliseconds=milliseconds % _DAY_MS)
-    clock = at.strftime("%H:%M:%S.") + f"{at.microsecond // 1000:03d}"
-    yield cut.part(0, 28, "ms since midnight", clock if milliseconds < _DAY_MS else "more than a day has")
+    days = cut.number(4, 2)
+    at = time_of_day(cut.raw(0, 28), days)
+    clock = "more than a day has" if at is None else f"{at:%H:%M:%S}.{at.microsecond // 1000:03d}"
+    yield cut.part(0, 28, "ms since midnight", clock)
     yield cut.part(28, 4, "reserved")
-    yield cut.part(32, 16, "days since 1984-01-01", at.strftime("%Y-%m-%d"))
-    yield from cut.rest(6, "one byte too many: TIME has 6 bytes")
+    yield cut.part(32, 16, "days since 1984-01-01", day(days))
+    yield from cut.rest(6, wrong)
 
 
-def emergency_parts(data: bytes) -> Iterator[FramePart]:
-    """An emergency: code, error register, and manufacturer-specific data."""
+def emergency_parts(data: bytes, device_type: int | None) -> Iterator[FramePart]:
+    """An emergency of a device of *device_type*: code, error register, and manufacturer-specific data."""
     cut = Bytes(data)
     if len(data) < 2:
-        yield from cut.rest(0, "too short: EMCY has 8 bytes")
+        yield from cut.rest(0, wrong_length("emcy", len(data)))
         return
-    yield cut.part(0, 16, "emergency error code", emergency_text(cut.number(0, 2)))
+    yield cut.part(0, 16, "emergency error code", emergency_text(cut.number(0, 2), device_type))
     if len(data) > 2:
         yield cut.part(16, 8, "error register", ", ".join(register_words(data[2])) or "no error")
     yield from cut.rest(3, "the maker's own")
@@ -219,11 +209,9 @@ def heartbeat_parts(data: bytes) -> Iterator[FramePart]:
     cut = Bytes(data)
     if not data:
         return
-    state = data[0] & 0x7F
-    words = NmtState(state).label if state in set(NmtState) else "reserved"
     yield cut.part(7, 1, "toggle bit of node guarding", "" if data[0] & 0x80 else "0 in a heartbeat")
-    yield cut.part(0, 7, "NMT state", "boot-up" if data == b"\0" else words)
-    yield from cut.rest(1, "one byte too many: a heartbeat has 1 byte")
+    yield cut.part(0, 7, "NMT state", "boot-up" if data == b"\0" else state_word(data[0]))
+    yield from cut.rest(1, wrong_length("heartbeat", len(data)))
 
 
 _STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8
@@ -307,7 +295,6 @@ _BY_KIND: dict[str, Callable[[bytes], Iterator[FramePart]]] = {
     "nmt": nmt_parts,
     "sync": sync_parts,
     "time": time_parts,
-    "emcy": emergency_parts,
     "heartbeat": heartbeat_parts,
 }
 _FUNCTION_NAMES = {
@@ -333,6 +320,8 @@ def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], Known
         return [*parts, *sdo_parts(data, request=service.label.endswith("request"), name_of=name_of)]
     if service.kind == "lss":
         return [*parts, *lss_parts(data, request=frame.can_id == LSS_REQUEST_ID)]
+    if service.kind == "emcy":
+        return [*parts, *emergency_parts(data, described(service.node or 0).device_type)]
     if service.kind in _BY_KIND:
         return [*parts, *_BY_KIND[service.kind](data)]
     if known.mpdo is not None:
@@ -360,8 +349,8 @@ def _id_parts(frame: Frame, known: Layout) -> Iterator[FramePart]:
 def _mpdo_parts(data: bytes, service: Service, described: Callable[[int], KnownNode]) -> Iterator[FramePart]:
     """A multiplexed PDO: addressing and node, object, value (CiA 301, 7.2.2.6)."""
     cut = Bytes(data)
-    if len(data) < _SDO_BYTES:
-        yield from cut.rest(0, "too short: a multiplexed PDO has 8 bytes")
+    if len(data) < SDO_BYTES:
+        yield from cut.rest(0, wrong_length("mpdo", len(data)))
         return
     node = cut.raw(0, 7)
     index, sub_index = cut.number(1, 2), data[3]

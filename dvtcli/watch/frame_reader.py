@@ -1,35 +1,41 @@
 """Frames in words: what each frame of CANopen's services says, one after the other.
 
-`explain`, `decode`, `monitor`, `log`, `trace`, `send` and `replay` take their words from here.
+`explain`, `decode`, `monitor`, `log`, `trace`, `send` and `replay` take their words from here; `service_words` has
+those that a frame's parts have, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from typing import NamedTuple
 
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.objects import SDO_SERVERS
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Decoder, Layout, server_layouts
 from dvtcli.watch.frame_parts import lss_parts
 from dvtcli.watch.known_node import KnownNode, of_mpdo
-from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
+from dvtcli.watch.sdo_transfers import SdoStep, SdoTransfers
 from dvtcli.watch.service import Service
+from dvtcli.watch.service_words import (
+    SDO_BYTES,
+    addressee,
+    command_word,
+    sdo_command,
+    state_word,
+    time_of_day,
+    wrong_counter,
+    wrong_length,
+)
 
 #: facts of a frame by name, for machines
 Facts = Mapping[str, Value | None]
 _NO_FACTS: Facts = {}
-#: first day of TIME (CiA 301, 7.2.6), and the milliseconds of a day
-_EPOCH, _DAY_MS = datetime(1984, 1, 1, tzinfo=UTC), 86_400_000
 _DESTINATION = 0x80
-_COMMANDS, _STATES = frozenset(NmtCommand), frozenset(NmtState)
 #: kinds that are part of another one
 _PARTS = {"mpdo": "pdo", "sdo-abort": "sdo", "boot-up": "heartbeat"}
 
@@ -98,13 +104,14 @@ class FrameReader:
             self._guarded.add(service.node)
             return Reading("guarding", "node guarding request")
         if not frame.data:
-            return Reading("heartbeat", "too short: a heartbeat has 1 byte")
+            return Reading("heartbeat", wrong_length("heartbeat", 0))
         is_answer = service.node in self._guarded
         if is_answer:
             self._guarded.discard(service.node)
         if frame.data == b"\0":
             self._transfers.drop(service.node)
-        return _state(frame.data[0], is_boot_up=frame.data == b"\0", is_answer=is_answer)
+        reading = _state(frame.data[0], is_boot_up=frame.data == b"\0", is_answer=is_answer)
+        return reading if len(frame.data) == 1 else _noted(reading, wrong_length("heartbeat", len(frame.data)))
 
     def _emergency(self, service: Service, frame: Frame) -> Reading:
         data = frame.data
@@ -125,7 +132,7 @@ class FrameReader:
     def _mpdo(self, service: Service, data: bytes) -> Reading:
         """Multiplexed PDO: node, object and value (CiA 301, 7.2.2.6)."""
         if len(data) < SDO_BYTES:
-            return Reading("mpdo", f"too short: a multiplexed PDO has {SDO_BYTES} bytes")
+            return Reading("mpdo", wrong_length("mpdo", len(data)))
         node, is_destination = data[0] & 0x7F, bool(data[0] & _DESTINATION)
         index, sub_index = int.from_bytes(data[1:3], "little"), data[3]
         of = of_mpdo(self.described, node, service.node)
@@ -141,8 +148,7 @@ class FrameReader:
         request = service.label.endswith("request")
         step = self._transfers.take(_channel(service), frame.data, request=request)
         if step.place is None:
-            short = len(frame.data) < SDO_BYTES
-            return Reading("sdo", "too short: an SDO has 8 bytes" if short else _unknown(frame.data, request=request))
+            return Reading("sdo", wrong_length("sdo", len(frame.data)) or _unknown(frame.data, request=request))
         if step.step == "done" and step.place[0] in SDO_SERVERS and service.node is not None:
             self._know_server(service.node, step.place, step.data)
         has_value = step.step == "done" or (step.step == "start" and step.data)
@@ -224,30 +230,18 @@ def _misfit(step: SdoStep) -> str:
     return f"{how}: {step.position} of {plural(step.size, 'byte')}"
 
 
-_REQUESTS = ("download segment", "download", "upload", "upload segment", "abort", "block upload", "block download")
-_ANSWERS = (
-    "upload segment",
-    "download segment accepted",
-    "upload",
-    "download accepted",
-    "abort",
-    "block download",
-    "block upload",
-)
-
-
 def _unknown(data: bytes, *, request: bool) -> str:
     """A frame of a transfer whose beginning is missing."""
-    command = data[0] >> 5
-    words = _REQUESTS if request else _ANSWERS
-    return f"{words[command]} of an unknown object" if command < len(words) else "unknown command specifier"
+    word = sdo_command(data[0] >> 5, request=request)
+    if word is None:
+        return "unknown command specifier"
+    return f"{word.removeprefix('initiate ').removesuffix(' transfer')} of an unknown object"
 
 
 @lru_cache(maxsize=1024)
 def _state(byte: int, *, is_boot_up: bool, is_answer: bool) -> Reading:
     """A heartbeat, a boot-up, or the answer of node guarding, which has a toggle bit."""
-    state, toggle = byte & 0x7F, byte >> 7
-    words = NmtState(state).label if state in _STATES else f"reserved state 0x{state:02X}"
+    toggle, words = byte >> 7, state_word(byte)
     if is_boot_up:
         return Reading("boot-up", "boot-up", {"state": words})
     if is_answer or toggle:
@@ -255,36 +249,42 @@ def _state(byte: int, *, is_boot_up: bool, is_answer: bool) -> Reading:
     return Reading("heartbeat", words, {"state": words})
 
 
+def _noted(reading: Reading, *doubts: str) -> Reading:
+    """*reading*, followed by the *doubts* that are not empty."""
+    return reading._replace(text="; ".join([reading.text, *filter(None, doubts)])) if any(doubts) else reading
+
+
+#: commands whose name for machines is not the word for people
+_NAMES = {"preop": "pre-operational", "reset-comm": "reset-communication"}
+
+
 def _nmt(_service: Service, frame: Frame) -> Reading:
     data = frame.data
     if len(data) < 2:
         return Reading("nmt", "NMT too short: it has 2 bytes")
-    word = (
-        NmtCommand(data[0]).name.removeprefix("ENTER_").replace("_", "-").lower()
-        if data[0] in _COMMANDS
-        else f"reserved command 0x{data[0]:02X}"
-    )
-    who = f"node {data[1]}" if data[1] else "all nodes"
-    return Reading("nmt", f"NMT {word} -> {who}", {"command": word, "to": data[1]})
+    word = command_word(data[0]) or f"reserved command 0x{data[0]:02X}"
+    reading = Reading("nmt", f"NMT {word} -> {addressee(data[1])}", {"command": _NAMES.get(word, word), "to": data[1]})
+    return _noted(reading, wrong_length("nmt", len(data)))
 
 
 def _sync(_service: Service, frame: Frame) -> Reading:
     if not frame.data:
         return _SYNC
-    return Reading("sync", f"SYNC {frame.data[0]}", {"counter": frame.data[0]})
+    counter = frame.data[0]
+    reading = Reading("sync", f"SYNC {counter}", {"counter": counter})
+    return _noted(reading, wrong_counter(counter), wrong_length("sync", len(frame.data)))
 
 
 def _time(_service: Service, frame: Frame) -> Reading:
-    data = frame.data
+    data, wrong = frame.data, wrong_length("time", len(frame.data))
     if len(data) < 6:
         return Reading("time", "TIME too short: it has 6 bytes")
-    milliseconds, days = int.from_bytes(data[:4], "little") & 0x0FFF_FFFF, int.from_bytes(data[4:6], "little")
-    if milliseconds >= _DAY_MS:
-        return Reading("time", f"TIME {milliseconds} ms: more than a day has")
-    at = (
-        (_EPOCH + timedelta(days=days, milliseconds=milliseconds)).isoformat(" ", "milliseconds").removesuffix("+00:00")
-    )
-    return Reading("time", f"TIME {at}", {"at": at})
+    milliseconds = int.from_bytes(data[:4], "little") & 0x0FFF_FFFF
+    at = time_of_day(milliseconds, int.from_bytes(data[4:6], "little"))
+    if at is None:
+        return _noted(Reading("time", f"TIME {milliseconds} ms: more than a day has"), wrong)
+    text = at.isoformat(" ", "milliseconds").removesuffix("+00:00")
+    return _noted(Reading("time", f"TIME {text}", {"at": text}), wrong)
 
 
 def _lss(service: Service, frame: Frame) -> Reading:

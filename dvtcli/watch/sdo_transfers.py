@@ -12,6 +12,7 @@ from dvtcli.domain.can_ids import HEARTBEAT_BASE, SDO_REQUEST_BASE, SDO_RESPONSE
 from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.errors import SdoAborted
+from dvtcli.watch.service_words import SDO_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 #: the server's node-ID, None if unknown, and its name of the pair of CAN-IDs
 Channel = tuple[int | None, str]
-#: bytes of an SDO frame, and the first byte of an abort
-SDO_BYTES, ABORT = 8, 0x80
+#: the first byte of an abort
+ABORT = 0x80
 #: the most bytes of a value that are kept
 MOST_KEPT = 65_536
 #: command specifiers of a client's requests

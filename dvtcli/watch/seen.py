@@ -12,7 +12,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout, guess, misfit
 from dvtcli.watch.frame_reader import OTHER, Reading
 from dvtcli.watch.heartbeats import HeartbeatTimes
-from dvtcli.watch.service import Service, event_of, state_in
+from dvtcli.watch.service import Service
 from dvtcli.watch.statistics import BusLoad, FrameIntervals, ValueHistory
 
 #: answers to a client that asks whether a node has an object
@@ -23,6 +23,7 @@ EVENTS = 100
 ROWS = 1024
 #: explanation of an empty screen: PDOs are sent in OPERATIONAL only (CiA 301, 7.3.2.2)
 _WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until NMT start")
+_BY_LABEL = {state.label: state for state in NmtState}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +73,14 @@ class FrameStore:
         self.rows: dict[Address, SeenFrame] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.states: dict[int, NmtState] = {}
+        #: the state in each node's last heartbeat or boot-up
+        self._received: dict[int, NmtState] = {}
         self.frames = 0
         #: frames of CAN-IDs beyond the first ROWS
         self.unlisted = 0
 
     def take(self, frame: Frame, reading: Reading = OTHER) -> bool:
-        """Process *frame*, which says *reading*, with its time `timestamp_s`; whether it has any news."""
+        """Process *frame* with its time `timestamp_s`; whether it has any news. Events come from its *reading*."""
         self.frames += 1
         self.load.add(frame, frame.timestamp_s)
         self._follow_heartbeat_time(frame)
@@ -158,17 +161,30 @@ class FrameStore:
                 return False
             self.events.append(Event(frame.timestamp_s, f"SDO node {service.node}  {reading.text}", bad=True))
             return True
-        text = event_of(frame, service)
-        if text is not None:
-            bad = service.kind == "emcy" and any(frame.data[:2])
-            self.events.append(Event(frame.timestamp_s, text, bad))
+        if service.kind == "emcy" and "code" in reading.facts:
+            text = f"EMCY node {service.node}  {reading.text.removeprefix('EMCY ')}"
+            self.events.append(Event(frame.timestamp_s, text, bad=bool(reading.facts["code"])))
             return True
-        state = state_in(frame, service)
-        if state is None or service.node is None or self.states.get(service.node) is state:
+        if service.kind == "nmt" and "command" in reading.facts:
+            self.events.append(Event(frame.timestamp_s, reading.text))
+            return True
+        return service.kind == "heartbeat" and self._note_state(frame, service.node, reading)
+
+    def _note_state(self, frame: Frame, node_id: int | None, reading: Reading) -> bool:
+        """Add an event for a boot-up, and for a heartbeat with another state than the last one; whether there is any.
+
+        After its boot-up a node is in PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        """
+        state = _BY_LABEL.get(str(reading.facts.get("state")))
+        if state is None or node_id is None or len(frame.data) != 1:
             return False
-        self.states[service.node] = state
-        said = "boot-up" if state is NmtState.INITIALISING else f"is {state.label}{_WITHOUT_PDOS.get(state, '')}"
-        self.events.append(Event(frame.timestamp_s, f"node {service.node}  {said}"))
+        is_boot_up = reading.what == "boot-up"
+        before, self._received[node_id] = self._received.get(node_id), state
+        self.states[node_id] = NmtState.PRE_OPERATIONAL if is_boot_up else state
+        if before is state and not is_boot_up:
+            return False
+        said = "boot-up" if is_boot_up else f"is {state.label}{_WITHOUT_PDOS.get(state, '')}"
+        self.events.append(Event(frame.timestamp_s, f"node {node_id}  {said}"))
         return True
 
     def know(self, decoder: Decoder) -> None:
@@ -191,6 +207,7 @@ class FrameStore:
         """Note a gap without frames until *time_s*, with *text* as an event; only events and frame count stay."""
         self.rows.clear()
         self.states.clear()
+        self._received.clear()
         self.unlisted = 0
         self.load = BusLoad(self._bitrate)
         self.events.append(Event(time_s, text, bad=True))

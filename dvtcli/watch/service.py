@@ -18,9 +18,6 @@ from dvtcli.domain.can_ids import (
     SYNC_ID,
     TIME_ID,
 )
-from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.ports import Frame
 
 
 class Service(NamedTuple):
@@ -60,23 +57,3 @@ def service_of(can_id: int, *, extended: bool) -> Service:
         way = "TPDO" if function & 0x80 else "RPDO"
         return Service("pdo", f"{way}{(function - 0x180) // 0x100 + 1}?", node)  # a guess: may be configured otherwise
     return Service("other", "frame")
-
-
-def event_of(frame: Frame, service: Service) -> str | None:
-    """An emergency or an NMT command as a line; None for any other or malformed frame."""
-    if service.kind == "emcy" and len(frame.data) >= 2:
-        code = int.from_bytes(frame.data[:2], "little")
-        rest = frame.data[2:].hex(" ").upper()
-        return f"EMCY node {service.node}  0x{code:04X} {emergency_text(code)}  {rest}".rstrip()
-    if service.kind == "nmt" and len(frame.data) == 2 and frame.data[0] in set(NmtCommand):
-        who = f"node {frame.data[1]}" if frame.data[1] else "all nodes"
-        return f"NMT  {NmtCommand(frame.data[0]).name.replace('_', '-').lower()}  {who}"
-    return None
-
-
-def state_in(frame: Frame, service: Service) -> NmtState | None:
-    """The state in a heartbeat (INITIALISING: a boot-up), else None."""
-    if service.kind != "heartbeat" or len(frame.data) != 1 or frame.remote:
-        return None
-    state = frame.data[0] & 0x7F
-    return NmtState(state) if state in set(NmtState) else None

@@ -16,7 +16,7 @@ from dvtcli.domain.ports import Frame
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_state import Identifier
 
-_REQUESTS = range(0x601, 0x680)
+_REQUEST_IDS = range(0x601, 0x680)
 _EMERGENCIES = range(0x081, 0x100)
 _HEARTBEATS = range(0x701, 0x780)
 #: an expedited download of 0x1017, without the size bits
@@ -81,7 +81,7 @@ class ReceivedTraffic:
             self._command(data)
         elif can_id == LSS_REQUEST_ID:
             self.lss += 1
-        elif can_id in _REQUESTS:
+        elif can_id in _REQUEST_IDS:
             self.requests[node_id] += 1
             if data[:1] and data[0] >> 5 == _EXPEDITED and data[1:4] == _HEARTBEAT_TIME:
                 self.heartbeat_written.add(node_id)
@@ -167,7 +167,7 @@ class LastFrames:
         """Note downloads and restarts that may change layout or COB-ID of a node's PDOs."""
         if can_id in _HEARTBEATS and data == b"\0":  # a boot-up
             self._set_s[can_id & 0x7F, 0] = now_s
-        elif can_id in _REQUESTS and data[0] >> 5 in _ANY_DOWNLOADS:
+        elif can_id in _REQUEST_IDS and data[0] >> 5 in _ANY_DOWNLOADS:
             index = int.from_bytes(data[1:3], "little")
             if index in PDO_INDICES:
                 self._set_s[can_id & 0x7F, index] = now_s

@@ -130,7 +130,7 @@ def stream(
                 continue
             read = [(frame, reader.read(frame)) for frame in misfits.passing(taken)]
             if changes:
-                read = [(frame, reading) for frame, reading in read if store.take(frame)]
+                read = [(frame, reading) for frame, reading in read if store.take(frame, reading)]
             seen = (
                 frame_seen(frame, watched.decoder, reading)
                 for frame, reading in read

@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import can
@@ -24,6 +25,7 @@ from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
@@ -35,10 +37,13 @@ from dvtcli.files.profiles import standards
 from dvtcli.operations.frames.transmit_rows import transmit_row
 from dvtcli.operations.session.steady_listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
+from dvtcli.watch.frame_reader import FrameReader, Reading
+from dvtcli.watch.known_node import KnownNode
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
 from dvtcli.watch.statistics import FrameIntervals, Point, ValueHistory, spark
 from dvtcli.watch.table import Track, all_columns, find_tracks
+from tests.laws.bench import dictionary
 from tests.simulator.serve.served import wait_for
 
 BEGIN_S = 1_700_000_000.0
@@ -47,6 +52,21 @@ SCREENS = Path(__file__).parent / "screens"
 
 def config(cob_id: int, *entries: PdoMappingEntry) -> PdoConfig:
     return PdoConfig(PdoCommunicationParameter(CobId(cob_id)), entries)
+
+
+def taking(store: FrameStore, family: str = "") -> Callable[[Frame], bool]:
+    """Take frames of a device of *family* into *store*, with their words, as the monitor does."""
+    node = KnownNode(dictionary(family) if family else None, ObjectScalings())
+    reader = FrameReader(store.decoder, lambda _node: node)
+    return lambda frame: store.take(frame, reader.read(frame))
+
+
+def received(*sent: tuple[int, str], family: str = "") -> tuple[FrameStore, list[bool]]:
+    """A store of the frames *sent* by a device of *family*, with their words, and which of them were news."""
+    store = FrameStore(Decoder())
+    take = taking(store, family)
+    frames = [Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S + n) for n, (can_id, data) in enumerate(sent)]
+    return store, [take(frame) for frame in frames]
 
 
 def decoder() -> Decoder:
@@ -161,16 +181,49 @@ def test_a_store_tells_news_from_repetitions() -> None:
 
 
 def test_events_are_emergencies_commands_and_new_states() -> None:
-    store = FrameStore(Decoder())
     sent = [(0x701, "00"), (0x701, "7F"), (0x701, "7F"), (0x000, "0101"), (0x701, "05"), (0x081, "3081110000000000")]
-    news = [store.take(Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S)) for can_id, data in sent]
+    store, news = received(*sent)
     assert news == [True, True, False, True, True, True]
     assert [event.text for event in store.events] == [
         "node 1  boot-up", "node 1  is PRE-OPERATIONAL: no PDOs until NMT start",
-        "NMT  start  node 1", "node 1  is OPERATIONAL",
-        "EMCY node 1  0x8130 life guard or heartbeat error  11 00 00 00 00 00",
+        "NMT start -> node 1", "node 1  is OPERATIONAL",
+        "EMCY node 1  0x8130 life guard or heartbeat error, register 0x11",
     ]  # fmt: skip
     assert [event.bad for event in store.events] == [False, False, False, False, True]
+
+
+@given(st.lists(st.sampled_from(["00", "7F", "05", "04"]), min_size=1, max_size=12))
+def test_each_boot_up_is_an_event_and_its_node_then_pre_operational(states: list[str]) -> None:
+    """With a heartbeat or without it, also in a loop of restarts (CiA 301, 7.2.8.3.3)."""
+    store, news = received(*((0x705, state) for state in states))
+    assert [event.text for event in store.events].count("node 5  boot-up") == states.count("00")
+    changed = [state == "00" or state != before for before, state in pairwise(["", *states])]
+    assert news == [has_changed or at == 0 for at, has_changed in enumerate(changed)]
+    assert len(store.events) == sum(changed)
+    after = {"00": NmtState.PRE_OPERATIONAL}.get(states[-1], NmtState(int(states[-1], 16)))
+    assert store.states == {5: after}
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data"), [(0x705, "0000"), (0x705, ""), (0x705, "33"), (0x085, "10"), (0x000, "01")]
+)
+def test_a_malformed_frame_is_no_event(can_id: int, data: str) -> None:
+    store, _ = received((can_id, data))
+    assert (list(store.events), store.states) == ([], {})
+
+
+@given(
+    st.sampled_from([0x000, 0x085]), st.sampled_from([b"\x10\x23", b"\x80\x05"]), st.binary(max_size=6),
+    st.sampled_from(["", "gen4", "generic"]),
+)  # fmt: skip
+def test_an_event_has_the_words_of_its_row(can_id: int, code: bytes, more: bytes, family: str) -> None:
+    """Also of a device's profile: codes of a drive have other words."""
+    store, _ = received((can_id, (code + more).hex()), family=family)
+    if can_id == 0x085 or code[0] == 0x80:
+        ((row,), (event,)) = store.sorted_rows(), store.events
+        assert event.text.replace("EMCY node 5  ", "EMCY ") == row.reading.text
+        is_of_drive = "continuous over-current at the output" in event.text
+        assert is_of_drive == (code == b"\x10\x23" and bool(family)), "both families are drives"
 
 
 def test_more_can_ids_than_rows_are_counted() -> None:
@@ -388,14 +441,15 @@ def golden_store() -> FrameStore:
         layout.read,
     )
     store = FrameStore(Decoder({address: known}, {1: "Gen4"}), bitrate=125_000)
-    store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S - 61))
+    take = taking(store)
+    take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S - 61))
     for n in range(51):
         at_s = BEGIN_S + 0.02 * n
         value = (1000 + 100 * n).to_bytes(2, "little") + (50 * n).to_bytes(4, "little") + b"\x37\x12"
-        store.take(Frame(0x201, value, timestamp_s=at_s))
+        take(Frame(0x201, value, timestamp_s=at_s))
         if n % 10 == 0:
-            store.take(Frame(0x185, b"\x37\x12\x03", timestamp_s=at_s))
-    store.take(Frame(0x085, bytes.fromhex("3081110000000000"), timestamp_s=BEGIN_S + 0.9))
+            take(Frame(0x185, b"\x37\x12\x03", timestamp_s=at_s))
+    take(Frame(0x085, bytes.fromhex("3081110000000000"), timestamp_s=BEGIN_S + 0.9))
     return store
 
 
@@ -441,11 +495,13 @@ def test_a_silent_frame_has_no_rate_and_fades_with_its_signals() -> None:
 
 def test_a_gap_is_said_and_takes_what_was_seen_with_it() -> None:
     store = FrameStore(decoder(), bitrate=500_000)
-    store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S))
+    heartbeat = Reading("heartbeat", "OPERATIONAL", {"state": "OPERATIONAL"})
+    store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S), heartbeat)
     store.gap(BEGIN_S + 9, "the bus was lost for 9 s")
     assert (store.rows, store.states, store.frames) == ({}, {}, 1)
     assert (store.events[-1].text, store.events[-1].bad) == ("the bus was lost for 9 s", True)
-    assert store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S + 10)), "its state is news again"
+    assert store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S + 10), heartbeat), "its state is news again"
+    assert store.events[-1].text == "node 1  is OPERATIONAL"
     assert store.frames == 2
 
 

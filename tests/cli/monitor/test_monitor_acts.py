@@ -72,7 +72,7 @@ def test_nmt_starts_the_node(open_terminal: Open) -> None:
     terminal.wait("NMT to node 1 Gen4", "s  start", "c  reset-comm")
     terminal.type(ESCAPE)
     terminal.until(lambda: "NMT to" not in terminal.text, "the list gone")
-    assert "NMT  start" not in terminal.text
+    assert "NMT start ->" not in terminal.text
     terminal.type("n")
     terminal.wait("NMT to node 1 Gen4")
     terminal.type("s")

@@ -20,7 +20,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.decoder import Decoder, Signal
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.statistics import WatchedObject
-from tests.cli.monitor.test_model import BEGIN_S, decoder
+from tests.cli.monitor.test_model import BEGIN_S, decoder, taking
 
 MOMENT = Moment("sim", 72.0, 0, BEGIN_S + 1.0)
 NUMBERS = st.integers(-(2**63), 2**63) | st.floats(-1e30, 1e30) | st.integers(-20000, 20000)
@@ -139,9 +139,10 @@ def test_a_node_without_a_heartbeat_is_told_from_those_that_have_one() -> None:
 def many_nodes() -> FrameStore:
     """A bus of 20 nodes whose mappings were just read: an SDO answer of each, then its heartbeat."""
     store = FrameStore(Decoder())
+    take = taking(store)
     for node in range(1, 21):
-        store.take(Frame(0x580 + node, bytes(8), timestamp_s=BEGIN_S))
-        store.take(Frame(0x700 + node, b"\x7f", timestamp_s=BEGIN_S + 1))
+        take(Frame(0x580 + node, bytes(8), timestamp_s=BEGIN_S))
+        take(Frame(0x700 + node, b"\x7f", timestamp_s=BEGIN_S + 1))
     return store
 
 

@@ -11,11 +11,14 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.frames.explain_frame import explained
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.frame_parts import frame_parts
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.known_node import KnownNode
 from tests.cli.commands.bench import Bench
+from tests.laws.bench import dictionary
 
 _IDS = st.sampled_from([0x000, 0x080, 0x081, 0x100, 0x181, 0x581, 0x601, 0x701, 0x7E4, 0x7E5, 0x7FF]) | st.integers(
     0, 0x7FF
@@ -33,6 +36,28 @@ def test_no_bit_is_left_out(can_id: int, data: bytes, extended: bool) -> None:
         assert sorted(bits) == list(range(length))
     number = int.from_bytes(data, "little")
     assert all(one.raw == number >> one.start_bit & (1 << one.bits) - 1 for one in parts if not one.in_id)
+
+
+#: what is wrong with a frame
+_WRONG = ("too long", "too short", "more than a day", "reserved: SYNC", "reserved node-ID")
+
+
+@given(
+    st.sampled_from([0x000, 0x080, 0x085, 0x100, 0x605, 0x585, 0x705]),
+    st.binary(max_size=8) | st.sampled_from([b"\x10\x23\x01", b"\x80\x05", b"\x80\xc8", b"\x7f\0"]),
+    st.sampled_from(["", "gen4"]),
+)  # fmt: skip
+def test_the_title_and_the_table_of_a_frame_agree(can_id: int, data: bytes, family: str) -> None:
+    """Both show what is wrong with a frame, and the same NMT command, state and emergency."""
+    node = KnownNode(dictionary(family) if family else None, ObjectScalings())
+    shown = explained(Frame(can_id, data), FrameReader(Decoder(), lambda _node: node))
+    title, table = shown.reading.text, "\n".join(f"{part.name}: {part.text}" for part in shown.parts)
+    if data:
+        assert [wrong for wrong in _WRONG if wrong in title] == [wrong for wrong in _WRONG if wrong in table]
+    for part in shown.parts:
+        is_same = part.name in ("NMT state", "emergency error code") or (can_id == 0 and len(data) > 1)
+        if is_same and not part.in_id and part.text != "reserved" and part.start_bit < 16:
+            assert part.text in title
 
 
 def said(frame: str, *, bench: Bench | None = None) -> dict[str, Any]:
