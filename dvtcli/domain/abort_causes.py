@@ -6,7 +6,6 @@ import re
 from dataclasses import replace
 
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.errors import DvtcliError, RuleError
 
 #: The usual cause of each code of CiA 301, table 22, and what to do.
 USUAL_CAUSES: dict[int, Hint | str] = {
@@ -62,9 +61,3 @@ def usual_cause(code: int, place: str | None) -> Hint | None:
         name = "object" if hint.action is Action.READ else "text"
         return replace(hint, arguments={name: written[0].removeprefix("0x")})
     return hint
-
-
-def add_usual_cause(error: DvtcliError) -> None:
-    """Give *error*, which ends a command, the usual cause of its abort code as the hint, if it has no better hint."""
-    if error.hint is None and error.abort is not None and not isinstance(error, RuleError):
-        error.hint = usual_cause(error.abort, error.place)
