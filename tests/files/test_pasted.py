@@ -281,6 +281,29 @@ def test_error_frames_of_candump_are_none(tmp_path: Path) -> None:
     assert [recorded.error for recorded in read_recorded(path)] == [False, True]
 
 
+@pytest.mark.parametrize("words", ["", "--json", "--csv", "-o values.csv"])
+def test_frames_that_are_left_out_are_counted(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Error frames, and CAN FD, whose services are others than those of CANopen."""
+    monkeypatch.chdir(tmp_path)
+    log = "(1.0) can0 705#05\n(1.1) can0 20000004#0004000000000000\n(1.2) can0 185##101\n(1.3) can0 185##102\n"
+    Path("run.log").write_text(log, "ascii")
+    ran = Bench(()).run(f"decode run.log {words}")
+    assert (ran.code, ran.stderr.count("left out: 1 error frame and 2 CAN FD frames; `")) == (0, 1), ran.stderr
+    Path("run.log").write_text(f"{log}nonsense\n", "ascii")
+    ran = Bench(()).run(f"decode run.log {words} {'--yes' if 'csv' in words else ''}")
+    assert (ran.code, ran.stderr.count("left out: 1 error frame and 2 CAN FD frames; `")) == (4, 1), ran.stderr
+
+
+@pytest.mark.parametrize("form", ["candump", "candump -ta", "PCAN-View", "frames such as 705#05"])
+@pytest.mark.parametrize("name", ["run.log", "run.txt"])
+def test_words_in_front_of_a_log_are_named_as_what_is_no_frame(form: str, name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(f"Hi all,\n\nthis is what I see: [1] and 2:\n{FORMS[form](TRAFFIC)}", "utf-8")
+    with pytest.raises(InputFileError, match="damaged after 0 frames") as failed:
+        list(read_recording(path))
+    assert failed.value.why == "this line is not a frame: Hi all,"
+
+
 @pytest.mark.parametrize(
     ("content", "name"),
     [
@@ -298,6 +321,7 @@ def test_error_frames_of_candump_are_none(tmp_path: Path) -> None:
         (b"t705105\rt605840416000000000000\r", "lines of an SLCAN interface"),
         (b'{"frames": []}\n', "JSON of another kind"),
         (b'[{"frame": 1}]\n', "JSON of another kind"),
+        (b"[1, 2]\n", "JSON of another kind"),
         (b"[1000]\nParameterName=Device type\n", "a file of sections, as EDS, DCF and INI files are"),
     ],
 )
@@ -330,9 +354,10 @@ def test_a_missing_or_empty_file_is_called_so(tmp_path: Path) -> None:
         list(read_recording(path))
 
 
-def test_what_is_nothing_known_is_a_usage_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["nonsense\n", "[00:00:01.234] RX 0x185 [8] 01\n"])
+def test_what_is_nothing_known_is_a_usage_error(text: str, tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
-    path.write_text("nonsense\n", "ascii")
+    path.write_text(text, "ascii")
     with pytest.raises(UsageError, match=r"no format is known by its content or by \.txt"):
         list(read_recording(path))
 

@@ -67,6 +67,8 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
 
 #: bytes of a file that are looked at, its lines, and characters of the first line
 _MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 65_536, 200, 400
+#: lines of words in front of a log, as people paste them
+_MOST_WORDS = 5
 #: beginnings of the formats with a suffix of their own
 _BEGINNINGS = {
     b"LOGG": ".blf", b"MDF     ": ".mf4", b"\x0a\x0d\x0d\x0a": ".pcapng", b"\xd4\xc3\xb2\xa1": ".pcap",
@@ -101,7 +103,10 @@ _OTHER_LINES = (
         "lines of an SLCAN interface; what dvtcli's log makes of them is read",
     ),
     (re.compile(r"\[\w[\w .-]*\]"), "a file of sections, as EDS, DCF and INI files are"),
-    (re.compile(r"[{\[].*"), "JSON of another kind than dvtcli's frames"),
+    (
+        re.compile(r'\{.*|\[\s*(?:[\[{"\]].*|-?\d+(?:\.\d+)?\s*[,\]].*)?'),
+        "JSON of another kind than dvtcli's frames",
+    ),
 )
 
 
@@ -176,4 +181,8 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
         if format_.is_in(lines):
             return format_
     first = lines[0].lstrip()[:_MOST_CHARACTERS] if lines else ""
-    return next((name for pattern, name in _OTHER_LINES if pattern.fullmatch(first)), None)
+    other = next((name for pattern, name in _OTHER_LINES if pattern.fullmatch(first)), None)
+    if other is not None:
+        return other
+    behind = (lines[words:] for words in range(1, _MOST_WORDS + 1))  # the reader names the first line without a frame
+    return next((format_ for rest in behind for format_ in PASTED if format_.is_in(rest)), None)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recordings.recording_file import check_readable, read_recorded, read_recording
+from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.files.values.value_file import WholeFile, checked_form, is_value_file, next_part, read_values
 from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen
@@ -25,6 +25,7 @@ from dvtcli.watch.table import SignalRows, all_columns, fill, fill_rows, find_tr
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.ports import Frame
+    from dvtcli.files.recordings.recording_format import RecordedFrame
     from dvtcli.operations.results import Facts, FrameSeen
     from dvtcli.operations.results.documents import Document
     from dvtcli.operations.session.session import SessionNodes
@@ -52,7 +53,7 @@ def decode_recording(
     config = network_config_of(dbc)
     decoder = decoder_for(session, nodes, dbc, path, config)
     misfits = Misfits(decoder.layout, session.reporter.warning)
-    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, config), only)
+    seen = _seen_frames(session, path, misfits, _readers(session, decoder, dbc, config), only)
     if only:
         seen = _or_note(session, path, seen, only)
     return _matching(session, path, seen, decoder, text) if text else seen
@@ -172,11 +173,10 @@ def _seen(
     *rows* read each by the reader of its channel.
     """
     misfits = Misfits(rows.decoder.layout, session.reporter.warning)
-    for recorded in read_recorded(path):
-        if not recorded.error:
-            misfits.look(recorded.frame)
-            rows.reader = reader_of(recorded.channel)
-            yield recorded.frame, recorded.channel
+    for recorded in _classic_frames(session, path):
+        misfits.look(recorded.frame)
+        rows.reader = reader_of(recorded.channel)
+        yield recorded.frame, recorded.channel
 
 
 def _write_file(
@@ -225,12 +225,36 @@ def _until_damage(frames: Iterable[tuple[Frame, str]], damage: list[InputFileErr
         damage.append(damaged)
 
 
+def _classic_frames(session: SessionUser, path: Path) -> Iterator[RecordedFrame]:
+    """Yield the frames of the recording at *path* without error and CAN FD frames; a note counts these at the end."""
+    errors = fd_frames = 0
+    damage: InputFileError | None = None
+    try:
+        for recorded in read_recorded(path):
+            if recorded.error:
+                errors += 1
+            elif recorded.fd:
+                fd_frames += 1
+            else:
+                yield recorded
+    except InputFileError as damaged:
+        damage = damaged
+    left_out = [plural(count, f"{kind} frame") for count, kind in ((errors, "error"), (fd_frames, "CAN FD")) if count]
+    if left_out:
+        said = f"left out: {' and '.join(left_out)}"
+        session.reporter.note(Hint(Action.CHECK, {"file": path}, f"{said}; {{}} counts them") if errors else said)
+    if damage is not None:
+        raise damage
+
+
 def _seen_frames(
-    path: Path, misfits: Misfits, reader_of: Callable[[str], FrameReader], only: frozenset[str]
+    session: SessionUser,
+    path: Path,
+    misfits: Misfits,
+    reader_of: Callable[[str], FrameReader],
+    only: frozenset[str],
 ) -> Iterator[FrameSeen]:
-    for recorded in read_recorded(path):
-        if recorded.error:
-            continue
+    for recorded in _classic_frames(session, path):
         misfits.look(recorded.frame)
         reader = reader_of(recorded.channel)
         seen = frame_seen(recorded.frame, reader.decoder, reader.read(recorded.frame))
@@ -312,7 +336,8 @@ def _fitting(session: SessionUser, path: Path, tracks: Mapping[Place, Track], de
     """Yield the frames of the recording at *path*; reports frames of *tracks* that do not fit their layout."""
     addresses = {address for address, _ in tracks}
     misfits = Misfits(decoder.layout, session.reporter.warning)
-    for frame in read_recording(path):
+    for recorded in _classic_frames(session, path):
+        frame = recorded.frame
         if (frame.can_id, frame.extended) in addresses:
             misfits.look(frame)
         yield frame
