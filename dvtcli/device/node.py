@@ -190,9 +190,9 @@ class Node(Changeable):
                 initial_state is not None
                 and self.bus.disturbance_count(self.node_id) != initial_state.disturbance_count
             ):
-                from dvtcli.device.change.apply_plan import look_again
+                from dvtcli.device.change.apply_plan import read_changes_again
 
-                look_again(self, plan, initial_state)
+                read_changes_again(self, plan, initial_state)
             self.unchanged_commands += remembered and not is_part_of_group
             self._remember(plan.changes)
         unreadable = tuple(finding.place.removeprefix("0x") for finding in self._unreadable_findings(plan))
@@ -260,10 +260,10 @@ class Node(Changeable):
                 return
         except BusUnavailable:
             return  # as for `notice_reboot`
-        from dvtcli.device.change.apply_plan import look_again
+        from dvtcli.device.change.apply_plan import read_changes_again
         from dvtcli.domain.plan import Plan
 
-        look_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")
+        read_changes_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")
 
     def remember_for_undo(self, plan: Plan) -> None:
         """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
@@ -407,9 +407,9 @@ class Node(Changeable):
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._roll_back_side_effects(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
-                from dvtcli.device.change.apply_plan import look_again
+                from dvtcli.device.change.apply_plan import read_changes_again
 
-                look_again(self, applied.plan, initial_state)
+                read_changes_again(self, applied.plan, initial_state)
         self.undone_earlier += not asked.own
         return applied._replace(unrestored=back.unrestored), len(back.undone)
 

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_identity, read_number, read_plan
+from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_number, read_plan, read_plan_identity
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -62,7 +62,7 @@ def _node(document: Any) -> NodePlan:
         raise ValueError("what is not stored is malformed")
     node_id = read_number(document, "node", 127, least=1)
     if document.get("changes") == []:  # who it is counts all the same: it may store
-        identity, plan = read_identity(document), Plan(node_id, ())
+        identity, plan = read_plan_identity(document), Plan(node_id, ())
     else:
         identity, plan = read_plan(document)
     wanted, values = _wanted([*_holds(document, "holds"), *plan.changes])

@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.failed_change import step_text
+from dvtcli.device.change.failed_change import step_line
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
@@ -87,7 +87,7 @@ def test_a_refusal_names_the_step_and_what_was_to_be_written(sdo: DirectSdo) -> 
     assert isinstance(error, DeviceRefused)
     assert str(error) == f"node {NODE} refused step 3 of 3 of TPDO1"
     assert (error.place, error.abort, error.state, error.node) == ("1800:01", 0x0800_0021, "rolled_back", NODE)
-    assert error.details == [("step", step_text(change.steps[1]))]
+    assert error.details == [("step", step_line(change.steps[1]))]
     assert [one.code for one in explained] == [0x0800_0021]
 
 
@@ -96,7 +96,7 @@ def test_a_lost_answer_names_the_step_first_and_is_put_back(sdo: DirectSdo) -> N
     taken: list[Step] = []
     change = value(sdo, 1000)
     error = failed(FaultySdo(sdo, lose_answer, 1), change, on_step=taken.append)
-    assert (error.details[0], error.state, taken) == (("step", step_text(change.step)), "rolled_back", [])
+    assert (error.details[0], error.state, taken) == (("step", step_line(change.step)), "rolled_back", [])
     assert sdo.upload(*HEARTBEAT) == before
 
 
@@ -334,7 +334,7 @@ def test_after_a_restart_nobody_knows_whether_others_were_altered(sdo: DirectSdo
     ],
 )
 def test_a_step_is_a_number_as_long_as_it_fits_one(data: str, text: str) -> None:
-    assert step_text(Step(0x2000, 1, None, bytes.fromhex(data), "why")) == f"0x2000:01 <- {text}    why"
+    assert step_line(Step(0x2000, 1, None, bytes.fromhex(data), "why")) == f"0x2000:01 <- {text}    why"
 
 
 def test_a_difference_is_told_by_what_says_most(sdo: DirectSdo) -> None:

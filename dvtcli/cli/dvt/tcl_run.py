@@ -24,7 +24,7 @@ from dvtcli.cli.dvt.tcl_wire import (
     send,
 )
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run
-from dvtcli.cli.scripts.script_parse import script_text
+from dvtcli.cli.scripts.script_parse import decoded_script
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError, ended_with
@@ -229,7 +229,7 @@ def run_tcl(
     refuse_own_run(session, source)
     if not Path(source).is_file():  # Tcl reads it itself: a pipe would be empty by then
         raise UsageError(f"{source}: a Tcl script is a file", place=source)
-    script_text(data, source)
+    decoded_script(data, source)
     if most_seconds is not None:
         limits = limits._replace(seconds=most_seconds)
     with TclProcess() as process:

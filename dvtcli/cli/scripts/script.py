@@ -52,7 +52,7 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
     return code
 
 
-def look_again(session: Conversation, changes: ScriptChanges) -> None:
+def check_finished_script(session: Conversation, changes: ScriptChanges) -> None:
     """Check that nodes still hold all values of a finished atomic script; otherwise roll back and fail.
 
     The outermost script checks again after restoring the nodes' NMT states.
@@ -160,7 +160,7 @@ def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atom
     try:
         code = exit_code_of(session, run)
         if not code and changes is not outer_changes:
-            code = exit_code_of(session, lambda: look_again(session, changes))
+            code = exit_code_of(session, lambda: check_finished_script(session, changes))
         stays = bool(session.staying())
     finally:
         session.scripts.pop()

@@ -54,7 +54,7 @@ def read_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine
 
     Raises InputFileError with FILE:LINE if *data* is not text or too long.
     """
-    text = script_text(data, source)
+    text = decoded_script(data, source)
     if source.lower().endswith(".309"):
         return _gateway_lines(text, source)
     found: list[ScriptLine] = []
@@ -97,7 +97,7 @@ def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
     return found
 
 
-def script_text(data: bytes, source: str) -> str:
+def decoded_script(data: bytes, source: str) -> str:
     """Decode a script. Raises InputFileError with FILE:LINE if it is not text."""
     if len(data) > MOST_BYTES:
         raise InputFileError(f"{source}: {len(data)} bytes are too many for a script", place=source)

@@ -132,7 +132,7 @@ def enter(node: Changeable, initial_state: InitialState) -> None:
         node.gate.found = initial_state.state
 
 
-def look_again(
+def read_changes_again(
     node: Changeable, plan: Plan, initial_state: InitialState | None, what: str = "restarted while it was looked at"
 ) -> None:
     """Read all that *plan* changes again. Raises Restarted, saying *what* happened, if *node* has lost the change.

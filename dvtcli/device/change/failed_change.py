@@ -53,7 +53,7 @@ def pre_operational_first(node_id: int) -> Hint:
     return Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}, "it is OPERATIONAL: {}, then again")
 
 
-def step_text(step: Step) -> str:
+def step_line(step: Step) -> str:
     """A step for display: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
     value = (
         f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
@@ -73,7 +73,7 @@ def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceR
         why=aborted.why,
         hint=aborted.hint,
     )
-    error.details.append(("step", step_text(step)))
+    error.details.append(("step", step_line(step)))
     return error
 
 

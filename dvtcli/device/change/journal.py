@@ -25,9 +25,9 @@ from dvtcli.device.change.plan_document import (
     Identity,
     change_document,
     read_change,
-    read_identity,
     read_number,
     read_plan,
+    read_plan_identity,
 )
 from dvtcli.device.change.private_file import (
     file_name,
@@ -290,7 +290,7 @@ def _stores(document: Any) -> Iterator[Storing]:
             node_id=read_number(entry, "node", 127),
             group=str(entry.get("group")),
             is_done=entry.get("done") is True,
-            identity=None if entry.get("identity") is None else read_identity(entry),
+            identity=None if entry.get("identity") is None else read_plan_identity(entry),
             holds=tuple(map(read_change, holds)),
             is_begun=entry.get("begun") is True,
             is_refused=entry.get("refused") is True,

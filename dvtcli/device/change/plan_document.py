@@ -55,10 +55,10 @@ def read_plan(document: Any) -> tuple[Identity, Plan]:
     if not isinstance(changes, list) or not changes or len(changes) > MOST_CHANGES:
         raise ValueError("it names no changes")
     plan = Plan(read_number(document, "node", 127, least=1), tuple(map(read_change, changes)))
-    return read_identity(document), plan
+    return read_plan_identity(document), plan
 
 
-def read_identity(document: dict[str, Any]) -> Identity:
+def read_plan_identity(document: dict[str, Any]) -> Identity:
     """The identity of the plan's device. Raises ValueError if malformed."""
     identity = document.get("identity")
     if not isinstance(identity, dict) or not all(

@@ -13,7 +13,7 @@ from dvtcli.device.change.failed_change import (
     left_changed,
     name_left,
     refused,
-    step_text,
+    step_line,
     unreadable_left,
 )
 from dvtcli.device.change.outcome_text import RolledBack, readback_error, report_rolled_back, restarted_meanwhile
@@ -172,7 +172,7 @@ class Transaction:
             raise refused(aborted, step, self.plan.node_id, f"step {number} of {total} of {change.label}") from aborted
         except DvtcliError as fault:
             self._touched = touched or fault.state != "unchanged"
-            fault.details.insert(0, ("step", step_text(step)))
+            fault.details.insert(0, ("step", step_line(step)))
             raise
         self._acknowledged.took(step, change)
         self.on_step(step)

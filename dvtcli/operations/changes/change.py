@@ -93,14 +93,14 @@ def change_result(
         undone,
         bool(keep),
         keep,
-        names(node, applied.plan.changes),
+        mapped_names(node, applied.plan.changes),
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
         unreadable=applied.unreadable,
         unrestored=applied.unrestored,
         as_before=undone and not (applied.not_put_back or applied.unrestored) and _is_as_stored(node, applied),
-        understood=understood(node, applied.plan.changes),
+        understood=scaled_changes(node, applied.plan.changes),
         remembered=node.guard is None or node.guard.history.remembers_last,
     )
 
@@ -131,17 +131,17 @@ def _described(node: NodeDescription, step: Step) -> OdEntry | None:
     return node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
 
 
-def understood(node: NodeDescription, changes: Iterable[Change]) -> dict[str, ScaledValue]:
+def scaled_changes(node: NodeDescription, changes: Iterable[Change]) -> dict[str, ScaledValue]:
     """Map single objects among *changes* to their scaled values, if a scaling is known."""
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:
         return {}
-    from dvtcli.operations.values.object_values import understood
+    from dvtcli.operations.values.object_values import scaled_objects
 
-    return understood(node, {step.object: len(step.after) for step in steps})
+    return scaled_objects(node, {step.object: len(step.after) for step in steps})
 
 
-def names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
+def mapped_names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
     """Map objects mapped by *changes*, as printed, to their names."""
     found: dict[str, str] = {}
     for change in changes:

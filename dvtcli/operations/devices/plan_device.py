@@ -48,7 +48,7 @@ from dvtcli.operations.plans.plan_network import checked_network, plans_of, with
 from dvtcli.operations.plans.resolve_names import ResolvedConfig
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.session.consent import powered_findings
-from dvtcli.operations.values.object_values import planned_words, understood
+from dvtcli.operations.values.object_values import planned_words, scaled_objects
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -293,7 +293,7 @@ def _powered(session: SessionNodes, planned: NodePlan) -> NodePlan:
 def _said(planned: NodePlan, node: ReadableNode, held: HeldDevice, found: DeviceFileConfig) -> NodePlan:
     left_out = tuple(omission for _, omission in sorted(found.left_out.items()))
     sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
-    known = planned.understood | understood(node, sizes)
+    known = planned.understood | scaled_objects(node, sizes)
     return replace(
         planned, left_out=left_out, also_equal=len(found.also_equal), compared_values=found.also_equal,
         understood=known, needs_power_off=True,

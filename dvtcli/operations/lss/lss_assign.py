@@ -18,7 +18,7 @@ from dvtcli.operations.lss.lss_node_id import (
     consent_to_give,
     give,
     prove_all,
-    received_ids,
+    received_node_ids,
     store_all,
     told_id,
 )
@@ -134,7 +134,7 @@ def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove:
     if session.dry_run:
         return LssChanged("assign", dry_run=True)
     bus = lss_bus(session)
-    there = who_is_there(bus, received_ids(session))
+    there = who_is_there(bus, received_node_ids(session))
     waiting = [config for config in options if not _is_there(config, there)]
     if not (waiting or stores):
         return LssChanged("assign")

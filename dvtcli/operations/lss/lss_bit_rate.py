@@ -16,7 +16,7 @@ from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, lss_bus, require_on, scanned, selected, two_alike, who_is_there
-from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, received_ids, store_again, told_id
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, received_node_ids, store_again, told_id
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssGiven
 from dvtcli.operations.session.consent import refuse_reset
 
@@ -51,7 +51,7 @@ class RateChange:
             self.switch(self.after)
             missing = self.missing(self.nodes)
             if missing:
-                raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not answer")
+                raise NoAnswer(f"at {self.after} bit/s {node_names(missing)} did not answer")
         except DvtcliError as failed:
             raise self.back(failed) from failed
 
@@ -71,7 +71,9 @@ class RateChange:
         left = [slave for slave in told if not self._takes(slave, self.before)]
         failed.state = "unknown" if left else state
         failed.state_text = f"all nodes run at {self.before} bit/s as before; nothing is stored" + (
-            f"; {names(left)} may have {self.after} configured, and would store it on a store command" if left else ""
+            f"; {node_names(left)} may have {self.after} configured, and would store it on a store command"
+            if left
+            else ""
         )
 
     def _takes(self, one: LssGiven, bit_rate: int) -> bool:
@@ -131,7 +133,7 @@ class RateChange:
             self.configure(node, self.after)
         self.switch(self.after)
         if missing := self.missing(self.nodes):
-            raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not answer")
+            raise NoAnswer(f"at {self.after} bit/s {node_names(missing)} did not answer")
 
     def back(self, failed: DvtcliError) -> DvtcliError:
         """Return *failed* after all are back at the old bit rate, or LeftChanged."""
@@ -151,7 +153,7 @@ class RateChange:
                     return failed
         except DvtcliError as stuck:
             return self._left(failed, missing, stuck.text)
-        return self._left(failed, missing, f"at {self.before} bit/s {names(missing)} did not answer either")
+        return self._left(failed, missing, f"at {self.before} bit/s {node_names(missing)} did not answer either")
 
     def _left(self, failed: DvtcliError, missing: Sequence[LssGiven], why: str) -> LeftChanged:
         error = LeftChanged(
@@ -192,11 +194,11 @@ class RateChange:
         if not stored and isinstance(failed, DeviceRefused):
             failed.state_text = f"all nodes run at {self.after} bit/s as before; nothing new is stored"
             return failed
-        told = [f"{names(stored)} stored {self.after} bit/s"] if stored else []
+        told = [f"{node_names(stored)} stored {self.after} bit/s"] if stored else []
         return _with_details(
             LeftChanged(
                 failed.text,
-                why="; ".join([*told, f"{names(others)} may start at another bit rate", failed.why or "-"]),
+                why="; ".join([*told, f"{node_names(others)} may start at another bit rate", failed.why or "-"]),
                 state="left_changed",
                 hint=store_again(
                     [other.node_id for other in others],
@@ -217,12 +219,12 @@ class RateChange:
             except DvtcliError as stuck:
                 if isinstance(failed, DeviceRefused) and slave is stored[-1]:
                     continue  # it stores neither
-                left.append(f"{names([slave])} may have {self.after} bit/s stored: {stuck.text}")
+                left.append(f"{node_names([slave])} may have {self.after} bit/s stored: {stuck.text}")
         error = self.back(failed)
         if error is not failed:
             return error
         if not left:
-            kept = f"; {names(again)} stored that again" if again else ""
+            kept = f"; {node_names(again)} stored that again" if again else ""
             error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; no node has stored {self.after}"
             error.hint = Hint(
                 Action.LSS_BIT_RATE, {"rate": self.after}, "does not store it: it is lost at the next power-off"
@@ -252,7 +254,7 @@ def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
     return error
 
 
-def names(nodes: Sequence[LssGiven]) -> str:
+def node_names(nodes: Sequence[LssGiven]) -> str:
     """Name *nodes* in words."""
     return join_some([str(node.address) if node.node_id == UNCONFIGURED else f"node {node.node_id}" for node in nodes])
 
@@ -276,7 +278,7 @@ def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None
 
     stop = bus.tap(note)
     try:
-        there = who_is_there(bus, received_ids(session))
+        there = who_is_there(bus, received_node_ids(session))
     finally:
         stop()
     if file is not None:
@@ -403,7 +405,7 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
     silent = [named_slave for named_slave in named if named_slave.node_id not in booted]
     if silent:
         raise DeviceRefused(
-            f"{names(silent)}: no boot-up message was received after the reset, so the store is not proved",
+            f"{node_names(silent)}: no boot-up message was received after the reset, so the store is not proved",
             state="unknown",
             why=f"all answer at {change.after} bit/s and confirmed the store",
             hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),
@@ -413,7 +415,7 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
 
 def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
     """Make the error for *missing* nodes, after all returned to the old bit rate, if possible."""
-    text = f"{names(missing)} confirmed the store of {change.after} bit/s, but did not answer at it after a reset"
+    text = f"{node_names(missing)} confirmed the store of {change.after} bit/s, but did not answer at it after a reset"
     if change.before == change.after:
         return LeftChanged(
             text,
@@ -518,7 +520,7 @@ def _agree(
     """Report the nodes and ask."""
     then = ", and reset all of them" if prove else ""
     if before == bit_rate:
-        who = f"{plural(len(nodes), 'node')}: {names(nodes)}"
+        who = f"{plural(len(nodes), 'node')}: {node_names(nodes)}"
         session.consent(f"store {bit_rate} bit/s, at which this bus runs already, in {who}{then}?")
         return
     for node in nodes:

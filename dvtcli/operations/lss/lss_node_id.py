@@ -64,7 +64,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
 
 def refuse_used(session: SessionNodes, node_id: int) -> None:
     """Raises SafetyRefusal if *node_id* is heard or answers, or another master is active."""
-    received = node_id in received_ids(session)
+    received = node_id in received_node_ids(session)
     if received or answers(session.bus, node_id):
         raise SafetyRefusal(
             f"node-ID {node_id} is in use: a node {'sends frames' if received else 'answers'} with it",
@@ -73,7 +73,7 @@ def refuse_used(session: SessionNodes, node_id: int) -> None:
         )
 
 
-def received_ids(session: SessionNodes) -> set[int]:
+def received_node_ids(session: SessionNodes) -> set[int]:
     """Return node-IDs of heartbeats and boot-ups; raises SafetyRefusal if another master is active meanwhile."""
     received: set[int] = set()
 

@@ -34,7 +34,7 @@ from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.files.unread_values import must_tell_values
-from dvtcli.operations.changes.change import names
+from dvtcli.operations.changes.change import mapped_names
 from dvtcli.operations.network.check_live import words_of_present
 from dvtcli.operations.network.described_network import DeviceWord, simulated_word, simulation_of, words_of
 from dvtcli.operations.plans.judge_network import check_plans
@@ -384,7 +384,7 @@ def _node_plan(session: SessionUser, node: ReadableNode, mine: list[ConciseDcf])
     )
     return NodePlan(
         "manager", Plan(node.node_id, changes), node.identity(), node.title,
-        values=wanted, names=names(node, changes), findings=said,
+        values=wanted, names=mapped_names(node, changes), findings=said,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from dvtcli.domain.text import all_nodes
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import is_about_device
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
-from dvtcli.operations.changes.change import names, takes_store, understood
+from dvtcli.operations.changes.change import mapped_names, scaled_changes, takes_store
 from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import check_plans
@@ -230,7 +230,7 @@ def _up_to_date(node: ReadableNode, node_plan: NodePlan) -> NodePlan:
     node.read_anew()
     refuse_stale(node, node_plan, (*node_plan.plan.changes, *node_plan.holds))
     changes = node_plan.plan.changes
-    words = names(node, changes), understood(node, changes)
+    words = mapped_names(node, changes), scaled_changes(node, changes)
     return replace(node_plan, title=node.title, names=words[0], understood=words[1], boot_ups=boot_ups)
 
 

@@ -20,7 +20,7 @@ from dvtcli.domain.rules.communication import timer_findings
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
-from dvtcli.operations.changes.change import configure, names, understood
+from dvtcli.operations.changes.change import configure, mapped_names, scaled_changes
 from dvtcli.operations.results import Changed
 from dvtcli.operations.user.change_files import state_folder
 from dvtcli.operations.values.named_objects import entry_at
@@ -48,7 +48,7 @@ def plan_edited(session: Session, node_id: int, held: Configs, changed: Configs)
     if session.dry_run:
         node = session.node(node_id)
         plan = edited_plan(node_id, held, changed)
-        said = names(node, plan.changes), understood(node, plan.changes)
+        said = mapped_names(node, plan.changes), scaled_changes(node, plan.changes)
         findings = tuple(finding for found in judge_edited(node, held, changed).values() for finding in found)
         return Changed(node_id, plan, findings, dry_run=True, seconds=0.0, names=said[0], understood=said[1])
     with session.under(dry_run=True):

@@ -23,7 +23,7 @@ from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
-from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.changes.change import mapped_names, scaled_changes
 from dvtcli.operations.changes.possible_stores import refuse_stores_of
 from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
@@ -388,7 +388,7 @@ def _node_plan(
         config.name, plan, node.identity(), node.title, config.mark.line, str(config.store or ""), wanted,
         {**resolved.values, **stamped.values}, resolved.pruned,
         lines={pdo.pdo: pdo.mark.line for pdo in config.pdos}, object_lines=dict(resolved.lines),
-        names=names(node, plan.changes), understood=understood(node, plan.changes),
+        names=mapped_names(node, plan.changes), understood=scaled_changes(node, plan.changes),
         unstored=_unstored(node, plan) if config.store else (),
         findings=(*stamped.findings, *differences.instead, *_left_off(config, wanted)),
     )  # fmt: skip

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Changed(Answer):
     """A plan that was carried out and verified."""
 
-    renderer: ClassVar = "change_lines:change_lines"
+    renderer: ClassVar = "change_lines:applied_lines"
     show_findings: ClassVar = True
 
     node: int

@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
 def step_progress(progress: Progress) -> tuple[str, int, int]:
     """Describe a step: words, its number, the total."""
-    from dvtcli.device.change.failed_change import step_text
+    from dvtcli.device.change.failed_change import step_line
 
-    text = f"node {progress.node}: step {progress.done} of {progress.total}  {step_text(progress.step)}"
+    text = f"node {progress.node}: step {progress.done} of {progress.total}  {step_line(progress.step)}"
     is_last = progress.done == progress.total
     return f"{text}; reading back" if is_last else text, progress.done, progress.total
 

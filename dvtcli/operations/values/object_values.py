@@ -38,7 +38,7 @@ def type_of(node: NodeDescription, index: int, sub_index: int, size: int) -> Dat
     return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
 
 
-def understood(node: NodeDescription, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
+def scaled_objects(node: NodeDescription, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
     """Map the objects in *sizes* (printed form: bytes) to scaled values, if a scaling is known."""
     scalings = scalings_of(node.profile, node.dictionary)
     found = {}
@@ -107,7 +107,7 @@ def planned_words(node: NodeDescription, index: int, sub_index: int, data: bytes
     from dvtcli.domain.plan import Step, step_text
 
     step = Step(index, sub_index, None, data, "", names_objects(node, index, sub_index))
-    return step_text(step, data, understood(node, {step.object: len(data)}).get(step.object))
+    return step_text(step, data, scaled_objects(node, {step.object: len(data)}).get(step.object))
 
 
 #: a number with decimal comma

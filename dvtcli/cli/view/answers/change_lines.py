@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
     """Show each node's lines, one node after another."""
     for node in result.nodes:
-        yield from change_lines(node, width)
+        yield from applied_lines(node, width)
 
 
-def change_lines(result: Changed, width: int) -> Iterator[Line]:
+def applied_lines(result: Changed, width: int) -> Iterator[Line]:
     """Show the executed steps and their outcome."""
     count = len(result.plan)
     labels = join_some(_written(result))
