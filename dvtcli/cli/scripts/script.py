@@ -47,7 +47,7 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
         if changes.atomic and not changes.ended:
             if noted and changes.final is None:
                 changes.note(place)  # it may have stored before it failed
-            _take_back(session, changes, failed)
+            _roll_back(session, changes, failed)
         raise
     return code
 
@@ -64,7 +64,7 @@ def check_finished_script(session: Conversation, changes: ScriptChanges) -> None
         if len(session.scripts) == 1:
             changes.return_nodes()
     except BaseException as failed:
-        _take_back(session, changes, failed)
+        _roll_back(session, changes, failed)
         raise
 
 
@@ -77,12 +77,12 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
     raise failed
 
 
-def _take_back(session: SessionUser, changes: ScriptChanges, failed: BaseException) -> None:
+def _roll_back(session: SessionUser, changes: ScriptChanges, failed: BaseException) -> None:
     """Roll back the script because of *failed*, which gets the result. Raises LeftChanged if changes remain."""
     undone = changes.changed_anything()
     with session.cancellation.deferred():
         try:
-            changes.take_back(str(failed) or "interrupted", failed if isinstance(failed, LeftChanged) else None)
+            changes.roll_back(str(failed) or "interrupted", failed if isinstance(failed, LeftChanged) else None)
         except LeftChanged as left:
             if session.dry_run:
                 raise _of_twins(left) from None

@@ -271,7 +271,7 @@ class ScriptChanges:
             return []
         return [node.guard.own_journal for node in self._session.met_nodes() if node.guard is not None]
 
-    def take_back(self, cause: str, failed: LeftChanged | None = None) -> None:
+    def roll_back(self, cause: str, failed: LeftChanged | None = None) -> None:
         """Undo all changes on all nodes, newest first, each verified. Raises LeftChanged if any remain.
 
         *cause* is the failing line's message; *failed* is its error, if its own roll-back failed.
@@ -285,7 +285,7 @@ class ScriptChanges:
         for journal in self._journals():
             journal.record_stores("")
         with self._session.cancellation.rolling_back(), self._session.agreed():
-            tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
+            tried = [self._roll_back_node(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for attempt in tried if (failure := attempt.settled(cause)) is not None]
         if failures:
             from dvtcli.device.change.failed_change import failure_sentence
@@ -311,7 +311,7 @@ class ScriptChanges:
             if id(node) not in self._operational and (said := node.gate.abandon()):
                 self._session.reporter.warning(said)
 
-    def _take_back(self, node: Node, cause: str) -> NodeRolledBack:
+    def _roll_back_node(self, node: Node, cause: str) -> NodeRolledBack:
         """Undo the changes of *node*, or record the reason for failure; its journal stays."""
         made = self._made(node)
         tried = NodeRolledBack(node, made)

@@ -222,22 +222,22 @@ class ChangeHistory:
             with suppress(InputFileError):
                 yield from [entry for entry in self._read(path) if undoing or not entry.undoes][-1:]
 
-    def drop_entries(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
-        """Drop *entries* of one device, undone by *back*; *back* is recorded if they were stored."""
+    def drop_entries(self, entries: Sequence[ChangeHistoryEntry], undo_plan: Plan) -> None:
+        """Drop *entries* of one device, undone by *undo_plan*; *undo_plan* is recorded if they were stored."""
         for path in {self.path(entry.plan.node_id, entry.identity) for entry in entries}:
-            self._drop(path, [entry.id for entry in entries], back)
+            self._drop(path, [entry.id for entry in entries], undo_plan)
 
-    def drop(self, node_id: int, identity: Identity, names: Collection[str], back: Plan | None = None) -> None:
+    def drop(self, node_id: int, identity: Identity, names: Collection[str], undo_plan: Plan | None = None) -> None:
         """Drop the changes with the ids *names* after a roll-back, as by `recover`.
 
-        *back* restores values that a store took, or may have taken, and is recorded for the next store.
+        *undo_plan* restores values that a store took, or may have taken, and is recorded for the next store.
         """
         path = self.path(node_id, identity)
         if names and path.exists():
             self._drop(path, names)
-        if back is not None:
+        if undo_plan is not None:
             try:
-                self._remember_back(back, back.changes, identity)
+                self._remember_undo(undo_plan, undo_plan.changes, identity)
             except (OSError, SafetyRefusal) as failed:
                 self.report(f"it is rolled back, but cannot be marked as not stored: {_why(failed)}")
 
@@ -268,32 +268,34 @@ class ChangeHistory:
         except (OSError, SafetyRefusal) as failed:
             self.report(f"it cannot be marked as stored for a later undo: {_why(failed)}")
 
-    def drop_own(self, count: int, back: Plan) -> None:
-        """Drop the last *count* changes of this process, undone by *back*."""
+    def drop_own(self, count: int, undo_plan: Plan) -> None:
+        """Drop the last *count* changes of this process, undone by *undo_plan*."""
         last, self._own = self._own[-count:], self._own[:-count]
         dropped = [change for change in last if change is not None]
         for path in {path for path, _ in dropped}:
-            self._drop(path, [name for _, name in dropped], back)
+            self._drop(path, [name for _, name in dropped], undo_plan)
 
-    def _drop(self, path: Path, names: Collection[str], back: Plan | None = None) -> None:
-        """Drop the changes with the ids *names*; *back* is recorded for changes that had been stored."""
+    def _drop(self, path: Path, names: Collection[str], undo_plan: Plan | None = None) -> None:
+        """Drop the changes with the ids *names*; *undo_plan* is recorded for changes that had been stored."""
         try:
             found = self._sound(path)
             self._write(path, [entry for entry in found if entry.id not in names])
-            if back is not None:
-                self._add_undoing(back, [entry for entry in found if entry.id in names])
+            if undo_plan is not None:
+                self._add_undoing(undo_plan, [entry for entry in found if entry.id in names])
         except (OSError, SafetyRefusal) as failed:
             self.report(f"it is rolled back, but the history for undo cannot be written: {_why(failed)}")
 
-    def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
+    def _add_undoing(self, undo_plan: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
         stored = {label for entry in undone for label in entry.stored | entry.maybe_stored}
-        self._remember_back(back, (change for change in back.changes if change.label in stored), undone[-1].identity)
+        self._remember_undo(
+            undo_plan, (change for change in undo_plan.changes if change.label in stored), undone[-1].identity
+        )
 
-    def _remember_back(self, back: Plan, put_back: Iterable[Change], identity: Identity) -> None:
-        changes = tuple(change for change in put_back if alters(change))
+    def _remember_undo(self, undo_plan: Plan, undone_changes: Iterable[Change], identity: Identity) -> None:
+        changes = tuple(change for change in undone_changes if alters(change))
         if changes:
-            entry = self._entry(replace(back, changes=changes), identity, undoes=True)
-            path = self.path(back.node_id, entry.identity)
+            entry = self._entry(replace(undo_plan, changes=changes), identity, undoes=True)
+            path = self.path(undo_plan.node_id, entry.identity)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
 
     def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> ChangeHistoryEntry:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, alters
 from dvtcli.domain.rules.finding import Finding, Proposal
-from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
+from dvtcli.domain.rules.no_way_back import substitute_finding, way_back
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription
@@ -41,7 +41,7 @@ def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | 
 def substitute_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
     """A warning for each of *changes* restored to a substitute value."""
     return tuple(
-        put_back_finding(change.pdo, change.before, change.substitute)
+        substitute_finding(change.pdo, change.before, change.substitute)
         for change in changes
         if isinstance(change, PdoChange) and change.substitute is not None
     )

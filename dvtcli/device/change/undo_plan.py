@@ -113,10 +113,10 @@ def plan_undo(node: Changeable, asked: UndoRequest) -> UndoPlan:
         count = refuse_unless_left(node, chain, count)
     undone = chain[-count:]
     plan = node.observed(lambda: undo_plan_of(node, undone, rolls_back=asked.rolls_back))
-    back = UndoPlan(plan, tuple(undone), unknown_before(undone))
+    undo_plan = UndoPlan(plan, tuple(undone), unknown_before(undone))
     if not (asked.force or asked.rolls_back or asked.is_part_of_group):
-        refuse_unknown(back)
-    return back
+        refuse_unknown(undo_plan)
+    return undo_plan
 
 
 def refuse_unknown(back: UndoPlan) -> None:
@@ -152,22 +152,22 @@ def undo_plan_of(
         else:
             values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.known_pdo(pdo), before) for pdo, before in pdos.items()]
-    put_back = (*changes, *_value_changes(node, pdos, values, patient=patient))
-    return Plan(node.node_id, put_back if rolls_back else _stamp_ended(node, put_back, values))
+    undo_changes = (*changes, *_value_changes(node, pdos, values, patient=patient))
+    return Plan(node.node_id, undo_changes if rolls_back else _stamp_ended(node, undo_changes, values))
 
 
 def _stamp_ended(
-    node: KnownPdos, put_back: tuple[Change, ...], values: dict[tuple[int, int], Step]
+    node: KnownPdos, undo_changes: tuple[Change, ...], values: dict[tuple[int, int], Step]
 ) -> tuple[Change, ...]:
-    """*put_back*, preceded by the removal of our stamp and without its return; *values* are the changed values."""
-    others = tuple(change for change in put_back if not is_stamp(change))
+    """*undo_changes*, preceded by the removal of our stamp and without its return; *values* are the changed values."""
+    others = tuple(change for change in undo_changes if not is_stamp(change))
     before = {
         at[1]: step.before for at, step in values.items() if at[0] == VERIFY_CONFIGURATION and step.before is not None
     }
     if not (others or before):
         return ()
     ended = stamp_back(node, others, before)
-    return put_back if ended is None else (*ended, *others)
+    return undo_changes if ended is None else (*ended, *others)
 
 
 def _value_changes(

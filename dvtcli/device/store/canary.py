@@ -67,7 +67,7 @@ class CanaryParameter(NamedTuple):
         return f"{place} ({self.name}) {held} -> {put}"
 
     @property
-    def put_back_text(self) -> str:
+    def rolled_back_text(self) -> str:
         """The place and the verified old value, for display."""
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
         return f"{place} ({self.name}) is rolled back to {_shown(self.before, self.field)}, read back equal"
@@ -108,7 +108,7 @@ class CanaryObject(NamedTuple):
         return f"0x{self.step.object} ({self.name}) {held} -> {put}"
 
     @property
-    def put_back_text(self) -> str:
+    def rolled_back_text(self) -> str:
         """The place and the verified old value, for display."""
         before = self.step.text(self.step.before)
         return f"0x{self.step.object} ({self.name}) is rolled back to {before}, read back equal"

@@ -251,7 +251,7 @@ def prove_store(
         lost=lost,
         objects=len(values),
         hint=_ALL if uncovered else AGAIN if unread else hint if unproved else "",
-        put_back="" if kept is None else kept.put_back_text,
+        put_back="" if kept is None else kept.rolled_back_text,
         notes=before.notes,
     )
 

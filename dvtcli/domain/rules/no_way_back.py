@@ -67,13 +67,13 @@ def _weaker(back: Proposal) -> Iterator[PdoConfig]:
     yield replace(empty, communication=back.now.disabled().communication)
 
 
-def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
+def substitute_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
     """The warning that the device refused to restore *before*: *pdo* is *back* now."""
     place = f"0x{pdo.communication_index:04X}:01"
-    return warning("way-back", place, put_back_text(pdo, before, back))
+    return warning("way-back", place, substitute_text(pdo, before, back))
 
 
-def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
+def substitute_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
     """The same in words."""
     was, state = _state(before, back), left_as(before, back)
     return f"{pdo.label} was {was}, and the device refuses that configuration: it is {state} now"

@@ -86,11 +86,11 @@ def apply_together(
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         with transaction:
-            transaction.take_back([fault])
+            transaction.roll_back([fault])
         raise
     if faults:
         with transaction:
-            transaction.take_back(faults)
+            transaction.roll_back(faults)
         raise faults[0]
     return transaction
 
@@ -233,7 +233,7 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
     with session.cancellation.deferred():
         initial_states = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
-        backs = {
+        undo_plans = {
             node_undoing.node.node_id: plan_undo(
                 node_undoing.node,
                 UndoRequest(
@@ -242,30 +242,30 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
             )
             for node_undoing in undoings
         }
-        if not force and not any(back.plan.changes for back in backs.values()):
-            for back in backs.values():
-                refuse_unknown(back)
-        for node_id, back in backs.items():
-            if len(back.plan):
+        if not force and not any(undo_plan.plan.changes for undo_plan in undo_plans.values()):
+            for undo_plan in undo_plans.values():
+                refuse_unknown(undo_plan)
+        for node_id, undo_plan in undo_plans.items():
+            if len(undo_plan.plan):
                 enter(nodes[node_id], initial_states[node_id])  # whoever is asked is asked before the first write
-        plans = {node_id: back.plan for node_id, back in backs.items()}
-        findings = {node_id: back.unknown for node_id, back in backs.items()}
-        held = {node_id: _as_before(back) for node_id, back in backs.items()}
-        written = [node_id for node_id, back in backs.items() if len(back.plan)]
+        plans = {node_id: undo_plan.plan for node_id, undo_plan in undo_plans.items()}
+        findings = {node_id: undo_plan.unknown for node_id, undo_plan in undo_plans.items()}
+        held = {node_id: _as_before(undo_plan) for node_id, undo_plan in undo_plans.items()}
+        written = [node_id for node_id, undo_plan in undo_plans.items() if len(undo_plan.plan)]
         for fault in session.bus.side_by_side([partial(_read_pdos, nodes[node_id]) for node_id in written]):
             raise fault
         for node_id in written:
             held[node_id] += _untouched(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
-        equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
+        equal = {node_id: held[node_id] for node_id, undo_plan in undo_plans.items() if not len(undo_plan.plan)}
         besides = BesidesPlans(held, others=_EqualNodes(nodes, equal))
         with apply_together(session, nodes, plans, initial_states, "undo of all", findings, besides) as transaction:
             complete_groups(transaction.journals())
     done = []
     for undoing in undoings:
-        node, back = undoing.node, backs[undoing.node.node_id]
-        applied = Applied(back.plan, (*back.unknown, *undoing.findings), unrestored=back.unrestored)
-        lines = undoing.forget(applied, len(back.undone))
+        node, undo_plan = undoing.node, undo_plans[undoing.node.node_id]
+        applied = Applied(undo_plan.plan, (*undo_plan.unknown, *undoing.findings), unrestored=undo_plan.unrestored)
+        lines = undoing.forget(applied, len(undo_plan.undone))
         done.append(change_result(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)
 
@@ -292,10 +292,10 @@ class _EqualNodes(NoOtherClaims):
             require_held(self.nodes[node_id], changes)
 
 
-def _as_before(back: UndoPlan) -> tuple[Change, ...]:
-    """List values that are as before the changes of *back* and need no write, each as a change."""
-    written = {change.label for change in back.plan.changes if change.steps}
-    changes = combine_plans(back.plan.node_id, back.undone).changes if back.undone else ()
+def _as_before(undo_plan: UndoPlan) -> tuple[Change, ...]:
+    """List values that are as before the changes of *undo_plan* and need no write, each as a change."""
+    written = {change.label for change in undo_plan.plan.changes if change.steps}
+    changes = combine_plans(undo_plan.plan.node_id, undo_plan.undone).changes if undo_plan.undone else ()
     return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_undone(change))
 
 

@@ -80,7 +80,7 @@ class NodeBefore:
             node.pending.unstored.update(self.unstored)
 
 
-def put_back(node: Node, plan: Plan) -> None:
+def roll_back_part(node: Node, plan: Plan) -> None:
     """Roll back *plan* whatever the node holds; a node that is silent or refuses may be restarting."""
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
@@ -249,7 +249,7 @@ class NetworkTransaction:
         else:
             self._unsure += of_fault or _write_only(part)
 
-    def take_back(self, faults: Sequence[BaseException]) -> None:
+    def roll_back(self, faults: Sequence[BaseException]) -> None:
         """Roll back all done parts and verify each.
 
         Raises the first of *faults* with the state of the nodes, or LeftChanged if a roll-back failed.
@@ -268,7 +268,7 @@ class NetworkTransaction:
                     self._read_untouched(node_id)
             for part in reversed(self.done):
                 if part.node_id not in failures:
-                    self._try(part.node_id, failures, fault, lambda node, part=part: put_back(node, part))  # type: ignore[misc]
+                    self._try(part.node_id, failures, fault, lambda node, part=part: roll_back_part(node, part))  # type: ignore[misc]
             self._settle_all(failures, fault)
         for journal in self.journals():
             journal.abandon_group()
@@ -405,7 +405,7 @@ class NetworkTransaction:
         plan = self.guarded(node.node_id)
         if difference_from_before(node, plan):
             rewritten.append(node.node_id)
-            put_back(node, plan)
+            roll_back_part(node, plan)
             if difference := difference_from_before(node, plan):
                 raise DeviceRefused("it does not read back with its old values", why=difference)
         untaken = [change.label for change in plan.changes if holds_substitute(node, change)]

@@ -102,7 +102,7 @@ def _roll_back_all(session: Session, file: str | None, *, finish_stores: bool) -
         _group_text(journal, journals) for journal in journals if journal.member.group_id is not None
     ):
         session.reporter.note(said)
-    done, failures = _put_back(session, journals)
+    done, failures = _roll_back(session, journals)
     failures += refused
     if not failures and (restarted := _restarted(session, done)) is not None:
         failures = [restarted]
@@ -213,7 +213,7 @@ def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
     return worst
 
 
-def _put_back(session: SessionNodes, journals: list[Journal]) -> tuple[list[Changed], list[DvtcliError]]:
+def _roll_back(session: SessionNodes, journals: list[Journal]) -> tuple[list[Changed], list[DvtcliError]]:
     """Roll back, and return the results and the errors; an error does not stop other roll-backs."""
     from dvtcli.device.change.recovery import Recovery, recover_together
 

@@ -108,7 +108,7 @@ def undo_on(session: SessionNodes, node_id: int, *, everything: bool = False) ->
     )
 
 
-def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
+def _one_by_one(session: SessionNodes, things: Iterable[T], undo_one: Callable[[T], Changed]) -> Changed | ChangedNodes:
     """Undo *things* one after another; an error names the nodes undone before it.
 
     Raises Restarted if a node restarted while another was undone.
@@ -118,7 +118,7 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
     boot_ups: dict[int, int] = {}
     try:
         for thing in things:
-            done.append(one := put_back(thing))
+            done.append(one := undo_one(thing))
             boot_ups[one.node] = session.bus.boot_ups(one.node)
         again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
@@ -167,7 +167,7 @@ def _forgotten(session: SessionNodes, node_id: int, undone: list[Plan]) -> bool:
     """
     kept = list(session.record.lines)
     for plan in reversed(undone):
-        if not session.record.take_back(node_id, change_lines(plan)):
+        if not session.record.remove_last(node_id, change_lines(plan)):
             session.record.lines[:] = kept
             return False
     return True

@@ -127,7 +127,7 @@ def give(session: SessionNodes, master: LssMaster, given: LssGiven) -> None:
             master.comes_up(given.node_id, seen, BOOT_UP_S)
         require_on(bus, given.address, given.node_id)
     except DvtcliError as failed:
-        raise _taken_back(bus, master, given, failed) from failed
+        raise _rolled_back(bus, master, given, failed) from failed
     forget(session, given)
 
 
@@ -138,13 +138,13 @@ def activate(master: LssMaster, before: int) -> None:
         master.reset_communication(before)
 
 
-def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
+def _rolled_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
     """Return *failed* with the node's state after its old node-ID was restored; LeftChanged if it was not.
 
     Checked by LSS, and by SDO at the old and the new node-ID.
     """
     try:
-        take_back(bus, master, given)
+        roll_back_node_id(bus, master, given)
     except DvtcliError as stuck:
         left = LeftChanged(
             f"{failed.text}, and its old node-ID cannot be restored",
@@ -164,7 +164,7 @@ def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: Dvt
     return failed
 
 
-def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
+def roll_back_node_id(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
     """Restore a node's old node-ID; verified by LSS and SDO, raises if it failed."""
     now = selected(master, given.address)
     if now == given.before and is_on(bus, given.address, given.node_id):
@@ -340,7 +340,7 @@ def all_back(
     stuck: list[str] = []
     for slave in reversed(done):
         try:
-            take_back(bus, master, slave)
+            roll_back_node_id(bus, master, slave)
         except DvtcliError as silent:
             stuck.append(f"{slave.name}: {silent.text}")
     if not stuck and not isinstance(failed, LeftChanged):

@@ -44,7 +44,7 @@ class Record:
         """Add script *lines* that changed a node."""
         self.lines += [(node_id, line) for line in lines]
 
-    def take_back(self, node_id: int, lines: list[str]) -> bool:
+    def remove_last(self, node_id: int, lines: list[str]) -> bool:
         """Remove *lines* if they are the node's last; returns whether they were."""
         own = [number for number, (about, _) in enumerate(self.lines) if about == node_id][-len(lines) :]
         if not lines or [self.lines[number][1] for number in own] != lines:

@@ -12,7 +12,7 @@ from dvtcli.domain.object_dictionary import Access
 from dvtcli.domain.pdo import PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
-from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
+from dvtcli.domain.rules.no_way_back import substitute_finding, way_back
 from tests.domain.rules.test_edges import TPDO1, parameter, proposal
 
 STATUSWORD, NOWHERE = PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x5FFF, 0, 16)
@@ -58,7 +58,7 @@ def test_the_most_that_a_device_takes_is_put_back_and_said(back: Proposal, was: 
     assert warned.text.startswith(f"TPDO1 is {was} now, and a device may refuse that configuration (")
     assert warned.text.endswith(f": if it does, an undo leaves it {left}")
     assert [one for one in check_pdo(replace(back, want=taken)) if one.severity is Severity.ERROR] == []
-    after = put_back_finding(TPDO1, back.want, taken)
+    after = substitute_finding(TPDO1, back.want, taken)
     assert after.place == "0x1800:01"
     assert after.text == f"TPDO1 was {was}, and the device refuses that configuration: it is {left} now"
 
