@@ -20,7 +20,6 @@ DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT, BLO
 SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
 _TOGGLE, _ABORT_BYTE = 0x10, 0x80
 _MOST_BYTES = 1 << 20
-_OUT_OF_MEMORY = 0x0504_0005
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -66,8 +65,8 @@ class SdoServer:
             return None
         if len(request) != 8:
             return None
-        if self._block is not None and self.in_block(request):
-            return self._go_on(self._block, request)
+        if (block := self._block_of(request)) is not None:
+            return self._go_on(block, request)
         self._block = None
         specifier = request[0] >> 5
         if specifier == ABORT:
@@ -76,14 +75,15 @@ class SdoServer:
         service = self._services.get(specifier)
         if specifier in (BLOCK_UPLOAD, BLOCK_DOWNLOAD) and not self.device.family.block_size:
             service = None
-        place = self._transfer.multiplexer if self._transfer and specifier in (0, 3) else request[1:4]
+        is_segment = specifier in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT)
+        multiplexer = self._transfer.multiplexer if self._transfer and is_segment else request[1:4]
         try:
             if service is None:
                 raise Refusal(Abort.COMMAND_SPECIFIER)
             return service(request)
         except Refusal as refusal:
             self._transfer = None
-            return b"\x80" + place + refusal.code.to_bytes(4, "little")
+            return _abort(multiplexer, refusal.code)
 
     def reset(self) -> None:
         """Drop a transfer in progress, as a reset does."""
@@ -98,7 +98,12 @@ class SdoServer:
 
     def in_block(self, request: bytes) -> bool:
         """True if *request* is a frame of the block transfer in progress."""
-        return self._block is not None and request[0] != _ABORT_BYTE and self._block.takes(request)
+        return self._block_of(request) is not None
+
+    def _block_of(self, request: bytes) -> ServedBlockTransfer | None:
+        """The block transfer in progress, if *request* is a frame of it."""
+        block = self._block
+        return block if block is not None and request[0] != _ABORT_BYTE and block.takes(request) else None
 
     def give_up(self) -> bytes | None:
         """Abort a block transfer whose client is gone; None without a transfer."""
@@ -106,7 +111,7 @@ class SdoServer:
             return None
         multiplexer = self._block.multiplexer
         self.reset()
-        return b"\x80" + multiplexer + Abort.TIME_OUT.to_bytes(4, "little")
+        return _abort(multiplexer, Abort.TIME_OUT)
 
     def _go_on(self, block: ServedBlockTransfer, request: bytes) -> bytes | None:
         """Pass *request* to *block*."""
@@ -114,7 +119,7 @@ class SdoServer:
             responses = block.handle(request)
         except Refusal as refusal:
             self._block = None
-            return b"\x80" + block.multiplexer + refusal.code.to_bytes(4, "little")
+            return _abort(block.multiplexer, refusal.code)
         if block.finished:
             self._block = None
         self.more = responses[1:]
@@ -124,7 +129,6 @@ class SdoServer:
         """Begin a block upload; short data goes without block transfer if the client's switch threshold allows."""
         if request[0] & 0x03:
             raise Refusal(Abort.COMMAND_SPECIFIER)
-
         data = self.device.upload(*_object(request[1:4]))
         if len(data) <= request[5] and request[5]:
             return self._initiate_upload(request)
@@ -133,7 +137,6 @@ class SdoServer:
         return block.first()
 
     def _initiate_block_download(self, request: bytes) -> bytes:
-
         self._transfer = None
         self._block = block = ServedBlockDownload(self.device, request)
         return block.first()
@@ -179,7 +182,7 @@ class SdoServer:
         transfer = self._running(request, upload=False)
         transfer.data += request[1 : 8 - (request[0] >> 1 & 0x07)]
         if len(transfer.data) > _MOST_BYTES:
-            raise Refusal(_OUT_OF_MEMORY)
+            raise Refusal(Abort.OUT_OF_MEMORY)
         if transfer.size is not None and len(transfer.data) > transfer.size:
             raise Refusal(Abort.TOO_LONG)
         if request[0] & 0x01:
@@ -207,7 +210,11 @@ def _object(multiplexer: bytes) -> tuple[int, int]:
     return int.from_bytes(multiplexer[:2], "little"), multiplexer[2]
 
 
-_BLOCK_UPLOAD = 5
+def _abort(multiplexer: bytes, code: int) -> bytes:
+    """The frame that aborts a transfer of the object *multiplexer* (CiA 301, 7.2.4.3.17)."""
+    return bytes([_ABORT_BYTE]) + multiplexer + code.to_bytes(4, "little")
+
+
 _MOST_SEGMENTS, _SEGMENT_BYTES = 127, 7
 _LAST = 0x80
 _CRC = 0x04
@@ -244,13 +251,9 @@ class ServedBlockDownload:
         self._data = bytearray()
         self._acknowledged = 0
         self._ending = False
-        device.begin_download(*self._object, self._size)
+        device.begin_download(*_object(self.multiplexer), self._size)
         if self._size is not None and self._size > _MOST_BYTES:
             raise Refusal(Abort.OUT_OF_MEMORY)
-
-    @property
-    def _object(self) -> tuple[int, int]:
-        return int.from_bytes(self.multiplexer[:2], "little"), self.multiplexer[2]
 
     def first(self) -> bytes:
         """The initiate response: segments per sub-block, and CRC support."""
@@ -286,7 +289,7 @@ class ServedBlockDownload:
             raise Refusal(Abort.TOO_LONG if len(data) > self._size else Abort.TOO_SHORT)
         if self._crc and crc_hqx(data, 0) != int.from_bytes(request[1:3], "little"):
             raise Refusal(Abort.CRC)
-        self._device.download(*self._object, data)
+        self._device.download(*_object(self.multiplexer), data)
         self.finished = True
         return b"\xa1" + bytes(7)
 
@@ -311,7 +314,7 @@ class ServedBlockUpload:
 
     def takes(self, request: bytes) -> bool:
         """True for start, acknowledgement and end."""
-        return request[0] >> 5 == _BLOCK_UPLOAD and request[0] & 0x03 != 0
+        return request[0] >> 5 == BLOCK_UPLOAD and request[0] & 0x03 != 0
 
     def handle(self, request: bytes) -> list[bytes]:
         """Send a sub-block at the start and after each acknowledgement, and the end after the last."""
