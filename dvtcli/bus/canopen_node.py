@@ -18,7 +18,7 @@ from canopen import SdoAbortedError, SdoCommunicationError, objectdictionary
 from canopen.sdo.client import SdoClient
 
 from dvtcli.bus.can_message import frame_of
-from dvtcli.domain.can_ids import NMT_ID
+from dvtcli.domain.can_ids import NMT_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry
 from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
@@ -95,7 +95,7 @@ class _Client(SdoClient):
     """canopen's SDO client over a shared channel."""
 
     def __init__(self, node_id: int, od: objectdictionary.ObjectDictionary, channel: SdoTransport) -> None:
-        super().__init__(0x600 + node_id, 0x580 + node_id, od)  # type: ignore[no-untyped-call]
+        super().__init__(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id, od)  # type: ignore[no-untyped-call]
         self._channel = channel
 
     def upload(self, index: int, subindex: int) -> bytes:
@@ -138,7 +138,7 @@ class _Node(canopen.RemoteNode):
         channel, self._channel = self._channel, None
         if channel is None:
             return cast("SdoClient", super().add_sdo(rx_cobid, tx_cobid))  # type: ignore[no-untyped-call]
-        client = _Client(rx_cobid - 0x600, self.object_dictionary, channel)
+        client = _Client(rx_cobid - SDO_REQUEST_BASE, self.object_dictionary, channel)
         self.sdo_channels.append(client)
         return client
 

@@ -13,7 +13,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.programs import CLEAR, START, STOP, FlashStatus, Stage
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.objects import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
+from dvtcli.domain.objects import DEVICE_TYPE, FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
@@ -184,7 +184,7 @@ class ProgramDownload:
         deadline_s = self.bus.now_s() + BOOT_S
         while True:
             try:
-                self.bus.sdo(self.node_id).upload(0x1000, 0)
+                self.bus.sdo(self.node_id).upload(DEVICE_TYPE, 0)
             except (NoAnswer, SdoProtocolError):
                 if self.bus.now_s() >= deadline_s:
                     raise

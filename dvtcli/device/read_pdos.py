@@ -19,6 +19,9 @@ from dvtcli.domain.cob_id import (
 )
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
     FURTHER_SDO_CHANNELS,
     FURTHER_SDO_SERVERS,
     IDENTITY,
@@ -171,8 +174,8 @@ def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | Non
     From 0x1005, 0x1012, 0x1014 and SDO channels. If the node lacks SYNC or EMCY, the standard's default counts. A
     disabled EMCY uses no CAN-ID, nor does a time stamp the node does not send.
     """
-    sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
-    time = read_optional(sdo, 0x1012, 0, 4) if dictionary is None or 0x1012 in dictionary else None
+    sync, emcy = read_optional(sdo, COB_ID_SYNC, 0, 4), read_optional(sdo, COB_ID_EMCY, 0, 4)
+    time = read_optional(sdo, COB_ID_TIME, 0, 4) if dictionary is None or COB_ID_TIME in dictionary else None
     return taken_by_services(node_id, sync, emcy, sdo_channels(sdo, dictionary), time)
 
 
@@ -183,14 +186,14 @@ def service_ids_beside(
 
     Ignores 0x1005, 0x1012, 0x1014, or all SDO channels and SRDOs where the index *without* is one of them.
     """
-    held: dict[int, int | None] = dict.fromkeys((0x1005, 0x1012, 0x1014))
+    held: dict[int, int | None] = dict.fromkeys((COB_ID_SYNC, COB_ID_TIME, COB_ID_EMCY))
     for index in held:
         if index != without and (dictionary is None or index in dictionary):
             with suppress(SdoAborted, SdoProtocolError):
                 held[index] = read_optional(sdo, index, 0, 4)
     of_any = without in FURTHER_SDO_CHANNELS or without in SRDO_COMMUNICATION
     channels = {} if of_any else sdo_channels(sdo, dictionary)
-    return taken_on_another(node_id, held[0x1005], held[0x1014], channels, held[0x1012])
+    return taken_on_another(node_id, held[COB_ID_SYNC], held[COB_ID_EMCY], channels, held[COB_ID_TIME])
 
 
 def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from itertools import takewhile
 
+from dvtcli.domain.can_ids import EMCY_BASE, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, SYNC_ID, TIME_ID
 from dvtcli.domain.datatypes import DataType
-from dvtcli.domain.objects import IDENTITY
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME, IDENTITY, SDO_SERVERS
 
 
 class Access(StrEnum):
@@ -54,8 +55,9 @@ def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
     """
     if 0x1201 <= index <= 0x12FF and sub_index in (1, 2):
         return 1 << 31
-    usual = {(0x1005, 0): 0x080, (0x1012, 0): 0x100, (0x1014, 0): 0x080 + node_id, (0x1200, 1): 0x600 + node_id,
-             (0x1200, 2): 0x580 + node_id}  # fmt: skip
+    server = SDO_SERVERS[0]
+    usual = {(COB_ID_SYNC, 0): SYNC_ID, (COB_ID_TIME, 0): TIME_ID, (COB_ID_EMCY, 0): EMCY_BASE + node_id,
+             (server, 1): SDO_REQUEST_BASE + node_id, (server, 2): SDO_RESPONSE_BASE + node_id}  # fmt: skip
     return usual.get((index, sub_index))
 
 

@@ -11,7 +11,14 @@ from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, CobId
 from dvtcli.domain.datatypes import DataType, Kind, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import ObjectScalings, cut_text
-from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME, CONSUMER_HEARTBEAT, SRDO_COMMUNICATION
+from dvtcli.domain.objects import (
+    COB_ID_EMCY,
+    COB_ID_SYNC,
+    COB_ID_TIME,
+    CONSUMER_HEARTBEAT,
+    DEVICE_TYPE,
+    SRDO_COMMUNICATION,
+)
 from dvtcli.domain.pdo import PdoMappingEntry, listed_objects
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.standard_objects import (
@@ -66,7 +73,7 @@ class KnownNode:
     @property
     def device_type(self) -> int | None:
         """The device type (0x1000) in the node's file."""
-        entry = self.dictionary.entry(0x1000, 0) if self.dictionary is not None else None
+        entry = self.dictionary.entry(DEVICE_TYPE, 0) if self.dictionary is not None else None
         data = None if entry is None else entry.initial(0)
         return None if data is None else int.from_bytes(data, "little")
 

@@ -173,7 +173,7 @@ def described(read: ReadDevice) -> ObjectDictionary:
     objects: dict[int, dict[int, OdEntry]] = {}
     for entry in entries:
         objects.setdefault(entry.index, {})[entry.sub_index] = entry
-    numbers = {sub: int.from_bytes(read.values.get((0x1018, sub), b""), "little") for sub in (1, 2, 3)}
+    numbers = {sub: int.from_bytes(read.values.get((IDENTITY, sub), b""), "little") for sub in (1, 2, 3)}
     count = {way: max((pdo.number for pdo in read.pdos if pdo.direction is way), default=0) for way in Direction}
     info = DeviceInfo(
         vendor_name="unknown", product_name=read.title or "unknown", vendor_id=numbers[1], product_code=numbers[2],

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from dvtcli.domain.cob_id import CobId, is_channel_place, taken_by_services
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
@@ -164,7 +165,7 @@ def judged(
     dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
 ) -> Iterator[Finding]:
     """Errors and warnings about *pdos* on node *node_id* with *profile*, set up one after the other."""
-    sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
+    sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (COB_ID_SYNC, COB_ID_EMCY))
     indices = dictionary.indices_among(range(0x1201, 0x1341))
     places = ((index, sub) for index in indices for sub in dictionary[index].entries if is_channel_place(index, sub))
     channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}

@@ -18,6 +18,8 @@ from dvtcli.domain.objects import (
     IDENTITY,
     LIFE_TIME_FACTOR,
     PRODUCER_HEARTBEAT,
+    RESTORE_PARAMETERS,
+    STORE_PARAMETERS,
     SYNC_OVERFLOW,
 )
 from dvtcli.domain.pdo import Pdo
@@ -45,8 +47,8 @@ def mandatory_object(device: DescribedDevice) -> Found:
 @check("vendor-id-object", ERROR, "0x1018 has no sub-index 01, the vendor-ID", source(0x1018))
 def vendor_id_object(device: DescribedDevice) -> Found:
     """Only the other parts of the identity are optional."""
-    if 0x1018 in device.dictionary and 1 not in device.dictionary[0x1018].entries:
-        yield Spot(0x1018), "no sub-index 01: the vendor-ID is mandatory"
+    if IDENTITY in device.dictionary and 1 not in device.dictionary[IDENTITY].entries:
+        yield Spot(IDENTITY), "no sub-index 01: the vendor-ID is mandatory"
 
 
 @check("standard-type", ERROR, "an object of 0x1000 to 0x1BFF has another length than in CiA 301", "CiA 301, 7.5.2")
@@ -174,7 +176,7 @@ def service_can_id(device: DescribedDevice) -> Found:
             continue
         cob_id = CobId.from_raw(number & 0xFFFF_FFFF)
         use = None if cob_id.extended or not cob_id.fits_frame else restricted_use(cob_id.can_id)
-        if use and not (index == 0x1014 and number >> 31):
+        if use and not (index == COB_ID_EMCY and number >> 31):
             yield Spot(index, 0, HELD), f"{service} has CAN-ID {cob_id}, which CiA 301 restricts: {use}"
 
 
@@ -233,7 +235,7 @@ def fixed_cob_id(device: DescribedDevice) -> Found:
        source(0x1010, 0x1011))  # fmt: skip
 def store_without_restore(device: DescribedDevice) -> Found:
     """Restoring the defaults is impossible."""
-    for there, missing in ((0x1010, 0x1011), (0x1011, 0x1010)):
+    for there, missing in ((STORE_PARAMETERS, RESTORE_PARAMETERS), (RESTORE_PARAMETERS, STORE_PARAMETERS)):
         if there in device.dictionary and missing not in device.dictionary:
             yield Spot(there), f"without {missing:04X}"
 
@@ -242,21 +244,21 @@ def store_without_restore(device: DescribedDevice) -> Found:
        f"{source(0x1000)}; CiA 401; CiA 402")  # fmt: skip
 def profile_objects(device: DescribedDevice) -> Found:
     """A drive without controlword and statusword, an I/O module without any input or output."""
-    number = device.number(0x1000)
+    number = device.number(DEVICE_TYPE)
     profile = None if number is None else number & 0xFFFF
     if profile == _DRIVE:
         missing = [f"{index:04X}" for index in _CONTROLWORD_AND_STATUSWORD if index not in device.dictionary]
         if missing:
-            yield Spot(0x1000, 0, HELD), f"a drive (CiA 402) without {' and '.join(missing)}"
+            yield Spot(DEVICE_TYPE, 0, HELD), f"a drive (CiA 402) without {' and '.join(missing)}"
     inputs_or_outputs = any(
         _FIRST_PROFILE_INDEX <= index <= _LAST_PROFILE_INDEX for index in (*device.dictionary, *device.added)
     )
     if profile == _INPUTS_AND_OUTPUTS and not inputs_or_outputs:
-        yield Spot(0x1000, 0, HELD), "an I/O module (CiA 401) without any input or output"
+        yield Spot(DEVICE_TYPE, 0, HELD), "an I/O module (CiA 401) without any input or output"
 
 
 def _is_cob_id(entry: OdEntry) -> bool:
     pdo = Pdo.at(entry.index)
     if pdo is not None:
         return entry.index == pdo.communication_index and entry.sub_index == 1 and pdo.number <= 4
-    return entry.index == 0x1014
+    return entry.index == COB_ID_EMCY

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dvtcli.domain.can_ids import TIME_ID
 from dvtcli.domain.cob_id import OFF, PRODUCES, SYNC_BY_DEFAULT, can_id_text, is_channel_place
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -118,7 +119,7 @@ class NodeState:
     def time(self) -> Identifier:
         """CAN-ID of the time stamp in this node, 0x100 by default."""
         held = self.number(COB_ID_TIME)
-        return (0x100, False) if held is None else _identifier(held)
+        return (TIME_ID, False) if held is None else _identifier(held)
 
 
 def _communication(config: PdoConfig, sub_index: int) -> int | None:

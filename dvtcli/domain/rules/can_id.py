@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.can_ids import EMCY_BASE, TIME_ID
 from dvtcli.domain.cob_id import OFF, PRODUCES, SYNC_BY_DEFAULT, CobId, taken_by_services
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.objects import COB_ID_EMCY, COB_ID_SYNC, COB_ID_TIME, SRDO_COMMUNICATION
@@ -85,7 +86,7 @@ def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
     Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5, 7.5.2.15 and 7.5.2.17.
     """
     want, place = CobId.from_raw(raw), f"0x{index:04X}:00"
-    is_emcy, owner = index == COB_ID_EMCY, want.can_id - 0x080
+    is_emcy, owner = index == COB_ID_EMCY, want.can_id - EMCY_BASE
     if want.extended or not is_in_use(index, raw):
         return
     if use := restricted_use(want.can_id):
@@ -194,7 +195,7 @@ def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         return
     elif 0x081 <= want.can_id <= 0x0FF:
         yield warning("can-id-in-use", place, f"CAN-ID {want} is the EMCY of node {want.can_id - 0x080} by default")
-    elif want.can_id == 0x100:
+    elif want.can_id == TIME_ID:
         yield warning("can-id-in-use", place, f"CAN-ID {want} is TIME by default")
 
 

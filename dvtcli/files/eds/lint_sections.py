@@ -10,7 +10,7 @@ from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.lint import NOTE, WARNING, check
 from dvtcli.domain.lint.described import default_pdos
 from dvtcli.domain.object_dictionary import ObjectType
-from dvtcli.domain.objects import MANDATORY, MANUFACTURER_AREA
+from dvtcli.domain.objects import IDENTITY, MANDATORY, MANUFACTURER_AREA
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
 from dvtcli.domain.standard_objects import source
 from dvtcli.files.eds.ini import IniSection, IniValue
@@ -162,8 +162,8 @@ _ZERO_OR_ONE = ("0", "1", "0x0", "0x1", "0x00", "0x01")
 def lss_identity(text: LintedText) -> Found:
     """A node is chosen by vendor-ID, product code, revision and serial number."""
     value, dictionary = given(text.values("deviceinfo"), "lss_supported"), text.file.dictionary
-    missing = [f"{sub:02X}" for sub in range(1, 5) if dictionary.entry(0x1018, sub) is None]
-    if value is not None and value.value == "1" and 0x1018 in dictionary and missing:
+    missing = [f"{sub:02X}" for sub in range(1, 5) if dictionary.entry(IDENTITY, sub) is None]
+    if value is not None and value.value == "1" and IDENTITY in dictionary and missing:
         yield value.line, f"{quoted(value)}, but 1018 has no sub-index {', '.join(missing)}: LSS chooses a node by it"
 
 

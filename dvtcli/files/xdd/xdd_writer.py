@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.objects import MANDATORY, MANUFACTURER_AREA
+from dvtcli.domain.objects import IDENTITY, MANDATORY, MANUFACTURER_AREA
 from dvtcli.domain.profile import ObjectAddress
 from dvtcli.domain.scaling import parse_offset
 from dvtcli.domain.text import safe
@@ -109,7 +109,7 @@ def _device_body(dictionary: ObjectDictionary, file: Mapping[str, str], paramete
 def _characteristics(dictionary: ObjectDictionary, body: Element) -> None:
     """Write data without a place in CiA 311: a revision number missing in 0x1018, an LSS serial number."""
     info = dictionary.info
-    held = dictionary.entry(0x1018, 3)
+    held = dictionary.entry(IDENTITY, 3)
     default = None if held is None else held.initial(0)
     said = {}
     if info.revision_number is not None and default != info.revision_number.to_bytes(4, "little"):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.unnamed_nodes import add_eds
+from dvtcli.domain.can_ids import HEARTBEAT_BASE, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
@@ -490,7 +491,7 @@ def _heartbeat(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMes
         watching = tuple(names[other.node_id] for other in state.nodes if node.node_id in other.watched)
         signals = (DbcSignal("State", 0, 7, values=_STATES, receivers=watching), DbcSignal("Toggle", 7, 1))
         yield DbcMessage(
-            0x700 + node.node_id, False, f"{names[node.node_id]}_Heartbeat", 1, names[node.node_id], signals,
+            HEARTBEAT_BASE + node.node_id, False, f"{names[node.node_id]}_Heartbeat", 1, names[node.node_id], signals,
             f"heartbeat of node {node.node_id}; the toggle bit is of guarding", node.heartbeat_ms,
         )  # fmt: skip
 
@@ -499,8 +500,12 @@ def _sdo(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
     for node in state.nodes:
         name, node_id = names[node.node_id], node.node_id
         asked = tuple(DbcSignal(each.name, each.start, each.bits, receivers=(name,)) for each in _SDO)
-        yield DbcMessage(0x600 + node_id, False, f"{name}_SDO_Req", 8, NOBODY, asked, f"SDO to node {node_id}")
-        yield DbcMessage(0x580 + node_id, False, f"{name}_SDO_Ans", 8, name, _SDO, f"SDO from node {node_id}")
+        yield DbcMessage(
+            SDO_REQUEST_BASE + node_id, False, f"{name}_SDO_Req", 8, NOBODY, asked, f"SDO to node {node_id}"
+        )
+        yield DbcMessage(
+            SDO_RESPONSE_BASE + node_id, False, f"{name}_SDO_Ans", 8, name, _SDO, f"SDO from node {node_id}"
+        )
 
 
 _BY_SERVICE: dict[str, Callable[[NetworkState, Mapping[int, str]], Iterator[DbcMessage]]] = {

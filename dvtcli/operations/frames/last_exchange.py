@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import open_private, private_folder, unreadable
+from dvtcli.domain.can_ids import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_text, typed_frame
@@ -121,11 +122,11 @@ def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
     refused: list[int] = []
     for number, (frame, sent, _) in enumerate(exchanged):
         node_id, specifier = frame.can_id & 0x7F, frame.data[0] >> 5 if len(frame.data) == 8 else None
-        if specifier is not None and sent and frame.can_id & ~0x7F == 0x600:
+        if specifier is not None and sent and frame.can_id & ~0x7F == SDO_REQUEST_BASE:
             refused += [at for at, _ in [open_at.pop(node_id)]] if node_id in open_at else []
             if specifier == _DOWNLOAD or (specifier == _BLOCK_DOWNLOAD and not frame.data[0] & 1):
                 open_at[node_id] = number, frame.data[1:4]
-        elif specifier is not None and not sent and frame.can_id & ~0x7F == 0x580 and node_id in open_at:
+        elif specifier is not None and not sent and frame.can_id & ~0x7F == SDO_RESPONSE_BASE and node_id in open_at:
             at, place = open_at[node_id]
             if frame.data[1:4] == place:
                 refused += [at] if specifier == _ABORT else []

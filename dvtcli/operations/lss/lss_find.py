@@ -11,6 +11,7 @@ from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BITS, PARTS, LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.objects import DEVICE_TYPE
 from dvtcli.domain.text import plural
 from dvtcli.errors import DeviceRefused, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.results.lss_nodes import LssFound, LssNode
@@ -155,7 +156,7 @@ _ANSWER_S = 0.05
 def answers(bus: CanopenBus, node_id: int) -> bool:
     """Tell whether SDO requests to *node_id* are answered, even with nonsense."""
     try:
-        bus.sdo(node_id).upload(0x1000, 0)
+        bus.sdo(node_id).upload(DEVICE_TYPE, 0)
     except NoAnswer:
         return False
     except (SdoAborted, SdoProtocolError):
@@ -196,7 +197,7 @@ def free_node_id(bus: CanopenBus) -> int | None:
 
 def _answers_soon(bus: CanopenBus, node_id: int) -> bool:
     try:
-        bus.sdo(node_id).upload(0x1000, 0, timeout_s=_ANSWER_S, retries=0)
+        bus.sdo(node_id).upload(DEVICE_TYPE, 0, timeout_s=_ANSWER_S, retries=0)
     except NoAnswer:
         return False
     except (SdoAborted, SdoProtocolError):

@@ -28,6 +28,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT
 from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, split_dummy
 from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
@@ -263,7 +264,12 @@ def _watching(config: NetworkConfig, node: NodeConfig, links: Collection[LinkCon
 def _described_heartbeat_ms(config: NetworkConfig, node_id: int) -> int:
     said = (object_config for node in config.nodes if node.node_id == node_id for object_config in node.objects)
     return next(
-        (int.from_bytes(object_config.data, "little") for object_config in said if object_config.index == 0x1017), 0
+        (
+            int.from_bytes(object_config.data, "little")
+            for object_config in said
+            if object_config.index == PRODUCER_HEARTBEAT
+        ),
+        0,
     )
 
 
@@ -402,7 +408,7 @@ def state_of_file(node_config: NodeConfig) -> NodeState:
         for object_config in node_config.objects
     }
     for sub_index, watch in enumerate(node_config.watches, 1):
-        numbers[0x1016, sub_index] = watch.producer << 16 | watch.time_ms
+        numbers[CONSUMER_HEARTBEAT, sub_index] = watch.producer << 16 | watch.time_ms
     pdos = {
         pdo.pdo: config
         for pdo in node_config.pdos

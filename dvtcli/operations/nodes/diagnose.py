@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.private_file import OTHER_STATE, private_folder, to_disk, unfinished, unusable
 from dvtcli.device.unnamed_nodes import add_eds
 from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.objects import DEVICE_TYPE
 from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.results.facts import Check
@@ -202,7 +203,7 @@ def _node(session: SessionNodes) -> Iterator[Check]:
         return
     try:
         node = session.node(node_id)
-        node.sdo.upload(0x1000, 0)
+        node.sdo.upload(DEVICE_TYPE, 0)
     except DvtcliError as silent:
         yield failed("node", silent)
         return

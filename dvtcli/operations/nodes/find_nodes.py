@@ -18,7 +18,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.can_ids import SDO_RESPONSE_BASE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
-from dvtcli.domain.objects import IDENTITY, PRODUCER_HEARTBEAT
+from dvtcli.domain.objects import DEVICE_TYPE, IDENTITY, PRODUCER_HEARTBEAT
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import NodeListing, NodeRow
 from dvtcli.operations.results.lss_nodes import BitRateFound, ReceivedAt
@@ -88,7 +88,7 @@ def _row(node: ReadableNode) -> NodeRow:
     vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
     state = node.access.state()
     return NodeRow(
-        node.node_id, state.label if state is not None else "state unknown", read_optional(sdo, 0x1000, 0, 4),
+        node.node_id, state.label if state is not None else "state unknown", read_optional(sdo, DEVICE_TYPE, 0, 4),
         vendor, product, revision, serial, device_name(sdo), node.profile.name,
         node.dictionary.source if node.dictionary else "",
     )  # fmt: skip
@@ -241,11 +241,11 @@ def _device_type(sdo: SdoTransport, limit_s: float | None, *, received: bool) ->
     """Read 0x1000, None if refused; raises NoAnswer, SdoProtocolError if unreadable."""
     try:
         try:
-            data = sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)
+            data = sdo.upload(DEVICE_TYPE, 0, timeout_s=limit_s, retries=0)
         except NoAnswer:
             if not received:
                 raise
-            data = sdo.upload(0x1000, 0)
+            data = sdo.upload(DEVICE_TYPE, 0)
     except SdoAborted:
         return None
     return int.from_bytes(data[:4], "little")

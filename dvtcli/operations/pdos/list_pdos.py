@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_mpdo_lists, read_optional
 from dvtcli.domain.frame import byte_length, decode
+from dvtcli.domain.objects import CYCLE_PERIOD
 from dvtcli.domain.pdo import DISPATCHER_LISTS, SAM_MPDO, SCANNER_LISTS
 from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListing, PdoRow
 from dvtcli.operations.values.object_values import scalings_of
@@ -33,7 +34,7 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
     node = session.node(node_id)
     row = _row(node, pdo, node.pdo(pdo))
     row = replace(row, last=last_frame(session, node, pdo, row.config), listed=_listed(node, pdo, row.config))
-    period = read_optional(node.sdo, 0x1006, 0, 4)
+    period = read_optional(node.sdo, CYCLE_PERIOD, 0, 4)
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
 
 

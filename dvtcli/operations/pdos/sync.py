@@ -11,7 +11,7 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.can_ids import SYNC_ID
 from dvtcli.domain.cob_id import SYNC_BY_DEFAULT, can_id_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.objects import COB_ID_SYNC
+from dvtcli.domain.objects import COB_ID_SYNC, CYCLE_PERIOD
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -31,7 +31,7 @@ _EXTENDED = 1 << 29
 def sync_frame(sdo: SdoTransport) -> Frame:
     """Return a SYNC with the CAN-ID of the node's 0x1005; 0x080 if absent or unanswered."""
     try:
-        raw = int.from_bytes(sdo.upload(0x1005, 0, retries=0)[:4], "little")
+        raw = int.from_bytes(sdo.upload(COB_ID_SYNC, 0, retries=0)[:4], "little")
     except (NoAnswer, SdoAborted):
         return DEFAULT
     if raw & _EXTENDED:
@@ -91,7 +91,9 @@ def _nodes(session: SessionNodes, besides: Iterable[int]) -> list[Node]:
 def _source(node: ReadableNode) -> SyncSource:
     from dvtcli.operations.results import SyncSource
 
-    return SyncSource(node.node_id, read_optional(node.sdo, 0x1005, 0, 4), read_optional(node.sdo, 0x1006, 0, 4))
+    return SyncSource(
+        node.node_id, read_optional(node.sdo, COB_ID_SYNC, 0, 4), read_optional(node.sdo, CYCLE_PERIOD, 0, 4)
+    )
 
 
 _PRODUCES, _CAN_ID = 1 << 30, 0x7FF

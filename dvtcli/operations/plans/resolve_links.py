@@ -37,7 +37,7 @@ from dvtcli.domain.network.network_config import (
     ValueConfig,
 )
 from dvtcli.domain.object_syntax import parse_object
-from dvtcli.domain.objects import CONSUMER_HEARTBEAT
+from dvtcli.domain.objects import CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Rule, error, note, warning
 from dvtcli.errors import RuleError
@@ -95,7 +95,7 @@ class LinkedHeartbeats:
                 node_id,
                 error("link-guarded", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")),
             )
-        config = ObjectConfig(_HEARTBEAT, 0x1017, 0, asked_ms.to_bytes(2, "little"), mark)
+        config = ObjectConfig(_HEARTBEAT, PRODUCER_HEARTBEAT, 0, asked_ms.to_bytes(2, "little"), mark)
         self._producers.setdefault(node_id, []).append(config)
         return asked_ms
 

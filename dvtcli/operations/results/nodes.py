@@ -37,7 +37,7 @@ class SyncSource(Short):
     @property
     def can_id(self) -> int:
         """Its CAN-ID of SYNC."""
-        return 0x080 if self.cob_id is None else self.cob_id & 0x1FFF_FFFF
+        return SYNC_ID if self.cob_id is None else self.cob_id & 0x1FFF_FFFF
 
     @property
     def extended(self) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access
+from dvtcli.domain.objects import RESTORE_PARAMETERS, STORE_PARAMETERS
 from dvtcli.domain.pdo import Direction
 from dvtcli.domain.profile import BitPolicy, ObjectAddress
 
@@ -222,7 +223,7 @@ class Family(NamedTuple):
     def capabilities(self) -> dict[int, int]:
         """The values of the sub-indices of 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14)."""
         restore = self.store_capability if self.restore_capability is None else self.restore_capability
-        return {0x1010: self.store_capability, 0x1011: restore}
+        return {STORE_PARAMETERS: self.store_capability, RESTORE_PARAMETERS: restore}
 
 
 GENERIC = Family()

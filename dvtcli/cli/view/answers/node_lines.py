@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.cli.view.lines import Cell, Line, Table, clipped, columns, part, squeezed
+from dvtcli.domain.can_ids import SYNC_ID
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.hint import Hint
@@ -201,7 +202,7 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
     came = sum(count for _, count, _ in result.frames)
     with_id = (
         ""
-        if result.can_id == 0x080
+        if result.can_id == SYNC_ID
         else f" with CAN-ID {can_id_text(result.can_id, extended=result.extended)} (the node's 0x1005)"
     )
     yield f"{plural(result.count, 'SYNC')} sent{with_id}{dry}, {plural(came, 'frame')} came"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 
-from dvtcli.domain.can_ids import LSS_REQUEST_ID, LSS_RESPONSE_ID
+from dvtcli.domain.can_ids import EMCY_BASE, LSS_REQUEST_ID, LSS_RESPONSE_ID
 from dvtcli.domain.cob_id import PRODUCES, SYNC_BY_DEFAULT, taken_by_channels
 from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
@@ -145,7 +145,7 @@ def emcy_of_other(network: CheckedNetwork) -> NetFound:
     """Devices that rely on the pre-defined connection set take it for the other node's emergency."""
     for node in network.nodes:
         if node.emcy is not None and not node.emcy[1] and 0x081 <= node.emcy[0] <= 0x0FF:
-            owner = node.emcy[0] - 0x080
+            owner = node.emcy[0] - EMCY_BASE
             if owner != node.node_id:
                 yield held(node, COB_ID_EMCY), f"{identifier_text(node.emcy)} is EMCY of node {owner} by default"
 

@@ -9,6 +9,7 @@ from dvtcli.domain.network.network_state import IDENTITY_NAMES, NodeState
 from dvtcli.domain.objects import (
     BOOT_TIME,
     CONCISE_DCF,
+    DEVICE_TYPE,
     EXPECTED_DEVICE_TYPE,
     EXPECTED_PRODUCT,
     EXPECTED_REVISION,
@@ -124,7 +125,7 @@ def boot_device_type(network: CheckedNetwork) -> NetFound:
     for manager in _managers(network):
         for (index, slave), expected in manager.numbers.items():
             node = network.state.node(slave)
-            has = None if node is None else node.number(0x1000)
+            has = None if node is None else node.number(DEVICE_TYPE)
             if index == EXPECTED_DEVICE_TYPE and expected and has is not None and has != expected:
                 yield held(manager, index, slave), f"node {slave} is to be 0x{expected:08X}, and is 0x{has:08X}"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.cob_id import SYNC_BY_DEFAULT
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.lint import ERROR, WARNING, check
@@ -206,7 +207,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
     if traffic is None:
         return
     period_is_known = node_id not in traffic.heartbeat_written
-    if period_is_known and (why := _more(network, "heartbeat", (0x700 + node_id, False))):
+    if period_is_known and (why := _more(network, "heartbeat", (HEARTBEAT_BASE + node_id, False))):
         yield f"of its heartbeats {why}"
     states = [state for state in traffic.states.get(node_id, ()) if state is not NmtState.INITIALISING]
     if len(states) > 2 and not traffic.commands and not traffic.boot_ups[node_id]:
