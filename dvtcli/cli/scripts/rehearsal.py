@@ -101,6 +101,6 @@ def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
     """Add the place in the script to *wrong*, innermost first, unless already present."""
     if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
         wrong.text, wrong.given = f"{place}: {error_text(wrong)}", {}
-    wrong.state, wrong.state_text, wrong.rehearsed = "unchanged", None, True  # what was put back was a twin's
+    wrong.state, wrong.state_text, wrong.rehearsed = "unchanged", None, True  # what was rolled back was a twin's
     wrong.details = [row for row in wrong.details if row[0] != DRY_RUN]
     return wrong

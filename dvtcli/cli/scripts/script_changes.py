@@ -38,7 +38,7 @@ class NodeRolledBack:
             return self.failure
         try:
             if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
-                raise NoAnswer("it restarted during the check")  # what was put back before that may be lost again
+                raise NoAnswer("it restarted during the check")  # what was rolled back before that may be lost again
             self._look_again()
             if self.node.guard is not None:
                 self.node.guard.own_journal.end_group()

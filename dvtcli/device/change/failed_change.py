@@ -315,7 +315,7 @@ def merge_left(left: LeftChanged, others: Iterable[LeftChanged]) -> None:
 
 
 def failure_sentence(left: LeftChanged, node_id: int, done: str) -> str | None:
-    """The sentence that the entries of *left* for a node could not be *done* ("put back"); None without entries."""
+    """The sentence that the entries of *left* for a node could not be *done* ("rolled back"); None without entries."""
     labels = _labels(left, node_id)
     return f"{labels} of node {node_id} could not be {done}" if labels else None
 

@@ -148,7 +148,7 @@ class NodeLock:
     def note(self, journal: Path | None) -> None:
         """Note the path of the journal in progress in the lock file, for other processes if this one is killed."""
         assert self._file is not None  # noqa: S101 - only the holder writes
-        if journal != self.noted():  # a change begins, or one is put back
+        if journal != self.noted():  # a change begins, or one is rolled back
             self._last_writer = self._own
         text = _LockNote(self._own, str(journal or ""), self._last_writer).text().encode()
         if text != self._on_disk:  # each part of a change says the same, and the disk takes its time

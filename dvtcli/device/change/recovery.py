@@ -74,7 +74,7 @@ class Recovery:
     #: the changes restored to a substitute value, and the boot-ups before the roll-back
     _substituted: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
-    #: single objects that can be read no more, once all else was put back, with the refusal
+    #: single objects that can be read no more, once all else was rolled back, with the refusal
     unknown: dict[ValueChange, SdoAborted] = field(default_factory=dict)
 
     @classmethod

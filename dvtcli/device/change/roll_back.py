@@ -91,7 +91,7 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try:
                 _roll_back_one(sdo, change, entries_behind, is_last_try=is_last_try)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
-        except Exception as failed:  # noqa: BLE001 - the others are put back all the same
+        except Exception as failed:  # noqa: BLE001 - the others are rolled back all the same
             failures.append(failed)
     if failures:
         raise failures[0]

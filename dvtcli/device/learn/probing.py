@@ -262,7 +262,7 @@ def _left(
 
 #: How often a refusal is asked for again where two answers differ.
 _PAIRS = 2
-#: Sub-indices of the communication parameter, in the order in which they are put back, besides the COB-ID.
+#: Sub-indices of the communication parameter, in the order in which they are rolled back, besides the COB-ID.
 _PARAMETERS = (TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START)
 
 

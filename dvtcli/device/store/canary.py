@@ -284,7 +284,7 @@ class Canary:
             if failed.state == "unknown":  # the value was changed, and a later step failed
                 self.roll_back_after(failed)
             elif isinstance(failed, DeviceRefused):
-                return False  # it was put back; another place may be free
+                return False  # it was rolled back; another place may be free
             raise
         return True
 

@@ -252,12 +252,12 @@ def _has_rows(path: Path, batches: Iterable[Any]) -> bool:
     """Whether the .parquet file *path* has the rows of *batches*, and no others."""
     try:
         file = pyarrow("pyarrow.parquet").ParquetFile(str(path))
-        return all(one == other for one, other in zip_longest(_rows(file.iter_batches()), _rows(batches)))
+        return all(one == other for one, other in zip_longest(_batch_rows(file.iter_batches()), _batch_rows(batches)))
     except (pyarrow().ArrowException, OSError, ValueError):  # it is another file
         return False
 
 
-def _rows(batches: Iterable[Any]) -> Iterator[str]:
+def _batch_rows(batches: Iterable[Any]) -> Iterator[str]:
     for batch in batches:
         yield from map(str, batch.to_pylist())
 

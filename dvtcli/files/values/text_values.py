@@ -191,10 +191,10 @@ def read_jsonl(path: Path) -> ValueRows:
                 said = "" if name[1].startswith(place) else place
                 columns[name] = Column(" ".join(filter(None, (name[0], said, name[1]))), signal)
     numbers = {name: number for number, name in enumerate(columns)}
-    return ValueRows(list(columns.values()), _rows(path, numbers))
+    return ValueRows(list(columns.values()), _file_rows(path, numbers))
 
 
-def _rows(path: Path, columns: dict[_Name, int]) -> Iterator[tuple[float, list[float | None]]]:
+def _file_rows(path: Path, columns: dict[_Name, int]) -> Iterator[tuple[float, list[float | None]]]:
     for document in _documents(path):
         cells: list[float | None] = [None] * len(columns)
         for name, shown in _numbers(document):

@@ -82,7 +82,7 @@ def _reporting_itself(session: SessionNodes) -> Iterator[None]:
 
 
 def _roll_back_all(session: Session, file: str | None, *, finish_stores: bool) -> Changed | ChangedNodes | Facts:
-    refused: list[DvtcliError] = []  # of one node; the others are put back all the same
+    refused: list[DvtcliError] = []  # of one node; the others are rolled back all the same
     journals = _usable(session, file, refused)
     if refused and not journals:
         raise _worst_with_others(refused)
