@@ -9,7 +9,7 @@ GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D
 STORE_PARAMETERS, RESTORE_PARAMETERS = 0x1010, 0x1011
 COB_ID_TIME, COB_ID_EMCY, INHIBIT_TIME_EMCY = 0x1012, 0x1014, 0x1015
 CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY, ERROR_BEHAVIOUR = 0x1016, 0x1017, 0x1018, 0x1029
-#: Date and time as the stamp of a configuration (`domain.plan.stamp`).
+#: Date and time as the stamp of a configuration (`Stamp` in `domain/store.py`).
 VERIFY_CONFIGURATION = 0x1020
 MODULE_LIST = 0x1027
 #: Sub-index 1 is the COB-ID to the server, 2 that from it, 3 the other side's node-ID.
