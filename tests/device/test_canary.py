@@ -97,7 +97,7 @@ def test_it_is_told_with_its_place_and_both_values() -> None:
     found = place(node())
     before = found.before.communication.event_timer
     assert found.text == f"0x1800:05 (event timer of TPDO1) {before} -> {found.after.communication.event_timer}"
-    assert found.put_back_text == f"0x1800:05 (event timer of TPDO1) is rolled back to {before}, read back equal"
+    assert found.rolled_back_text == f"0x1800:05 (event timer of TPDO1) is rolled back to {before}, read back equal"
 
 
 def test_it_survived_where_its_value_is_there_whatever_else_changed() -> None:
