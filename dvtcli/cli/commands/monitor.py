@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.NONE)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings are read [nodes that send].")
 @click.option(
-    "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
+    "-d",
+    "--dbc",
+    "--decode",
+    "dbc",
+    type=FILE,
+    metavar="FILE",
+    help="Decode by a DBC or network file (after --nodes, if given).",
 )
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @only_option
@@ -35,7 +41,7 @@ def command(
     session: Conversation,
     /,
     nodes: tuple[int, ...] | None,
-    decode: str | None,
+    dbc: str | None,
     wanted: str | None,
     only: frozenset[str] | None,
     duration: float | None,
@@ -51,14 +57,14 @@ def command(
     \b
     monitor
     monitor --nodes 1,5 --filter velocity
-    monitor --decode drive.dbc --changes
+    monitor --dbc drive.dbc --changes
     monitor --duration 10 --json
     """
     from dvtcli.cli.screen.full_screen import has_full_screen
     from dvtcli.operations.frames.watch_bus import stream, watching
 
     full_screen = has_full_screen(session)
-    with watching(session, nodes or (), decode, known=not full_screen) as watched:
+    with watching(session, nodes or (), dbc, known=not full_screen) as watched:
         if full_screen:
             from dvtcli.cli.monitor.monitor_keys import watch
             from dvtcli.cli.monitor.signal_lines import View

@@ -71,6 +71,6 @@ def test_values_without_an_eds_are_said_to_have_no_sign(tmp_path: Path) -> None:
 
 
 def test_wrong_words_are_usage_errors() -> None:
-    for words in (["--nodes", "0"], ["--nodes", "1,x"], ["--duration", "0"], ["--decode", "no-such.dbc"]):
+    for words in (["--nodes", "0"], ["--nodes", "1,x"], ["--duration", "0"], ["--dbc", "no-such.dbc"]):
         done = dvtcli("--sim", "gen4", "monitor", *words)
         assert done.returncode == 2, (words, done.stdout, done.stderr)

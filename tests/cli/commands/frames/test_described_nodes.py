@@ -57,7 +57,11 @@ def test_values_are_all_written_without_a_plan() -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["log v.csv --decode --duration 0.3 -d raw.yaml", "monitor --duration 0.3 -d raw.yaml"]
+    "line",
+    [
+        "log v.csv --decode --duration 0.3 -d raw.yaml",
+        *(f"monitor --duration 0.3 {option} raw.yaml" for option in ("-d", "--dbc", "--decode")),
+    ],
 )
 def test_the_bus_is_read_without_a_plan(line: str) -> None:
     """A node's EMCY ends nothing."""
