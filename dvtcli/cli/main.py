@@ -111,6 +111,10 @@ class ImportedRunners:
         from dvtcli.cli.scripts.script_parse import MOST_BYTES
         from dvtcli.files.input_file import read_input_head
 
+        if not file.lower().endswith(".tcl"):
+            from dvtcli.operations.user.refused_options import refuse_options
+
+            refuse_options({"max_seconds": most_seconds}, "for a Tcl script only, which can compute without end")
         if file == "-":
             data = sys.stdin.buffer.read(MOST_BYTES + 1)
             return run_script(session, data, "<stdin>", keep_going=keep_going, atomic=atomic)

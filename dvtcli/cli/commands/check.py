@@ -8,8 +8,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import FILE, BitRateType, DurationType
-from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -75,15 +75,16 @@ def command(
         from dvtcli.operations.frames.check_recording import RecordingOptions, are_recordings, check_recordings
 
         if are_recordings(files):
-            if live or for_s is not None:
-                raise UsageError("--live checks a bus", hint="leave it out for a recording")
+            of_networks = {"live": live, "for_s": for_s, "all": chosen["shows_all"], "strict": chosen["strict"]}
+            refuse_options(of_networks, "not for a recording", "leave it out; for example check run.log -d press.yaml")
             options = RecordingOptions(
                 dbc, chosen["only"], chosen["without"], bit_rate or session.options.bitrate,
                 as_findings=session.output.format in SPECIAL_FORMATS,
             )  # fmt: skip
             return check_recordings(session, files, options)
-    if dbc is not None:
-        raise UsageError("-d is for recordings only", hint="network files are named without -d")
+    refuse_options({"dbc": dbc}, "for recordings only", "network files are named without -d")
+    if files and not live:
+        refuse_options({"for_s": for_s}, "only with --live, which receives from the bus")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too

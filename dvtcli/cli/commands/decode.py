@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._frame_options import decoding_options, only_option, parquet_options
 from dvtcli.cli.params import FILE, TEXT
-from dvtcli.errors import UsageError
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -63,8 +63,11 @@ def command(
     )
     from dvtcli.operations.frames.recorded import standard_input
 
-    if output is None and any(parquet.values()):
-        raise UsageError("--layout and --source need a .parquet file", hint="give the file with -o")
+    if output is None:
+        refuse_options(parquet, "only for a .parquet file", "give the file with -o")
+    if as_csv:
+        others = {"json": session.output.json, "output": output}
+        refuse_options(others, "not with --csv, which prints a table", "-o writes a table: .csv .parquet .jsonl")
     text = (wanted or "").lower()
     options = ValuesOptions(parquet["layout"], parquet["source"], only=only or frozenset())
     with standard_input(file) as path:

@@ -10,6 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect, Final
 from dvtcli.cli.params import FILE, CanopenType, NumberType
 from dvtcli.domain.datatypes import parse_number
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, ProgramLoaded
@@ -38,14 +39,12 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 
 @click.command("download", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("file", type=FILE, required=False)
-@click.option(
-    "--program", type=NumberType(1, 254, "a program"), default=1, metavar="N", help="Number of the program [1]."
-)
+@click.option("--program", type=NumberType(1, 254, "a program"), metavar="N", help="Number of the program [1].")
 @click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="Expected value of 0x1F56 [the profile's].")
 @click.option("--forget", is_flag=True, help="Stop reporting an interrupted download.")
 @click.pass_obj
 def command(
-    session: Session, /, file: str | None, program: int, expect: int | str | None, forget: bool
+    session: Session, /, file: str | None, program: int | None, expect: int | str | None, forget: bool
 ) -> ProgramLoaded | Facts:
     """Load FILE (.bin .hex) as the node's program.
 
@@ -64,5 +63,6 @@ def command(
     if forget == (file is not None):
         raise click.UsageError("name a file (.bin .hex), or --forget alone")
     if file is None:
+        refuse_options({"program": program, "expect": expect}, "not with --forget, which loads no program")
         return forget_download(session)
-    return load_program(session, file, number=program, expect=expect)
+    return load_program(session, file, number=1 if program is None else program, expect=expect)

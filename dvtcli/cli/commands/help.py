@@ -13,6 +13,8 @@ from dvtcli.cli.catalogue import TASKS, command_names, summary, task_rows, task_
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TextType
 from dvtcli.cli.runner_interface import root
+from dvtcli.errors import UsageError
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -52,6 +54,10 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
     """
     from dvtcli.operations.results import Facts
 
+    if name is not None:
+        refuse_options({"all": everything, "man": manual_page}, f"not with a name such as {name}")
+    if everything and manual_page:
+        raise UsageError("they exclude each other", given={"all": True, "man": True})
     if manual_page:
         from dvtcli.version import __version__
 

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import FILE, BitRateType, DurationType, InhibitType, PeriodType
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
@@ -55,8 +56,11 @@ def command(
     load line.yaml --inhibit io:tpdo1=40    a node by its name in the file
     load --for 5      the traffic on the bus, and its worst case
     """
+    from dvtcli.operations.network.live_network import has_bus
     from dvtcli.operations.network.network_load import MEASURED_S, LoadOptions, network_load
 
+    if file is not None and not has_bus(session):
+        refuse_options({"for_s": for_s}, "only with a bus, from which it receives")
     options = LoadOptions(
         MEASURED_S if for_s is None else for_s,
         bit_rate,

@@ -11,6 +11,7 @@ from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._frame_options import only_option, parquet_options
 from dvtcli.cli.params import FILE, DurationType, LogFilterType, NodesType, NumberType, RotationType
 from dvtcli.errors import UsageError
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -65,14 +66,13 @@ def command(
     log speed.csv --decode --filter velocity
     log run.parquet --decode -a --rotate 10min
     """
-    if decode and size:
-        raise UsageError("-s is for recorded frames", hint="with --decode: --rotate 100MB")
     rotate, layout, source, only = (values.pop(name) for name in ("rotate", "layout", "source", "only"))
-    if not decode and (layout or source or rotate or only):
-        raise UsageError(
-            "--layout, --only, --rotate and --source are for values",
-            hint="with --decode; frames: -s BYTES, --filter ID:MASK",
-        )
+    if decode:
+        refuse_options({"file_size": size}, "for recorded frames only", "with --decode: --rotate 100MB")
+    else:
+        of_values = {"layout": layout, "source": source, "rotate": rotate, "only": only}
+        of_values |= {"node_ids": values["nodes"], "dbc": values["dbc"]}
+        refuse_options(of_values, "only with --decode", "frames: -s BYTES, --filter ID:MASK")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
         from dvtcli.operations.frames.decode_recording import ValuesOptions

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import NumberType
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -29,6 +30,8 @@ def command(session: Conversation, /, level: int | None, user: int | None) -> Lo
     login 2 --user 7
     login 0                    log out
     """
+    if level == 0:
+        refuse_options({"user": user}, "not for LEVEL 0, which logs out")
     from dvtcli.cli.passcode import passcode
     from dvtcli.operations.nodes.log_in import log_in
 

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.pdo_params import EDIT, EditOrPdo, NodePdo
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -37,6 +38,8 @@ def command(session: Conversation, /, words: tuple[NodePdo | str, ...], show_all
     if len(pdos) > 1 or len(words) - len(pdos) != editing or (editing and not pdos):
         raise click.UsageError("give one PDO: pdo tpdo1, or pdo edit tpdo1")
     pdo = pdos[0] if pdos else None
+    if pdo is not None:
+        refuse_options({"all": show_all}, "for the list of all PDOs only", "leave it out for one PDO")
     if editing and pdo is not None:
         from dvtcli.cli.commands._pdo_edit import edit
 

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import MillisecondsType, NumberType
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import SyncCheck, Synced
@@ -35,6 +36,8 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
         from dvtcli.operations.pdos.sync import check_sync
 
         return check_sync(session)
+    if count is None:
+        refuse_options({"period": period}, "only with --count: one SYNC has no period")
     from dvtcli.operations.pdos.produce_sync import produce_sync
 
     return produce_sync(session, count or 1, (20 if period is None else period) / 1000)

@@ -11,6 +11,7 @@ from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.object_params import OBJECT, Objects, ObjectWord
 from dvtcli.cli.params import CanopenType, DurationType
 from dvtcli.cli.pdo_params import NodePdo, PdoType
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,6 +66,8 @@ def command(
 
     objects = [word for word in words if isinstance(word, ObjectWord)]
     pdos = [word for word in words if isinstance(word, NodePdo)]
+    if not objects:
+        refuse_options({"every": every_s}, "for objects only: PDOs are shown as their frames arrive")
     if has_full_screen(session):
         _on_screen(session, objects, pdos, every_s or _EVERY_S, for_s)
         return None

@@ -18,6 +18,7 @@ from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
+from dvtcli.operations.user.refused_options import refuse_options
 from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.table import SignalRows, all_columns, fill, fill_rows, find_tracks
@@ -315,6 +316,7 @@ def recorded_tracks(
     """
     tracks: Mapping[Any, Track]
     if is_value_file(path):
+        refuse_options({"node_ids": nodes, "dbc": dbc}, f"not for {path.name}, which has decoded values")
         values = read_values(path)
         tracks = by_number = find_tracks(signals, dict(enumerate(values.columns)))
         span_s = fill_rows(by_number, values.rows)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.operations.user.refused_options import refuse_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,6 +42,7 @@ def decoder_for(
 
     base = session.base
     if dbc is not None:
+        refuse_options({"node_ids": nodes}, f"not used: {dbc} describes the frames", "give only one of them")
         from dvtcli.operations.frames.layouts import file_layouts
 
         if base.eds is not None:

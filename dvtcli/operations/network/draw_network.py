@@ -40,6 +40,7 @@ from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results import Facts
 from dvtcli.operations.results.networks import Measured, NetworkLoad, action, differing, parameter_texts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
+from dvtcli.operations.user.refused_options import refuse_options
 from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.statistics import FrameCount
 
@@ -307,6 +308,7 @@ def network_picture(session: Session, file: str | None = None, options: PictureO
     """
     options = options or PictureOptions()
     if file is not None and not has_bus(session):
+        refuse_options({"for_s": options.for_s}, "only with a bus, from which it receives")
         return _of_file(session, file, options)
     refuse_without_bus(session)
     return _of_bus(session, file, options)

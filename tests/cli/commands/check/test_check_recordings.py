@@ -860,8 +860,8 @@ def test_reports_for_ci(tmp_path: Path) -> None:
     (["absent.log"], 2, "No such file"),
     (["run.log", "net.yaml"], 2, "run.log is a recording"),
     (["run.log", "--rule", "no-such"], 2, "unknown rule 'no-such' about recordings"),
-    (["net.yaml", "-d", "net.yaml"], 2, "-d is for recordings only"),
-    (["run.log", "--live"], 2, "--live checks a bus"),
+    (["net.yaml", "-d", "net.yaml"], 2, "--dbc: for recordings only"),
+    (["run.log", "--live"], 2, "--live: not for a recording"),
 ])  # fmt: skip
 def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:
     recorded(tmp_path / "run.log", HEALTHY)

@@ -202,5 +202,5 @@ def test_log_thins_out_values_and_refuses_to_do_so_with_frames(tmp_path: Path) -
             kinds[words] = {json.loads(line)["what"] for line in path.read_text("utf-8").splitlines()}
         refused = bench.run(f"log {tmp_path / 'run.log'} --only heartbeat")
     assert kinds == {"": {"pdo", "heartbeat"}, " --only heartbeat": {"heartbeat"}}
-    assert (refused.code, "--only, --rotate and --source are for values" in refused.stderr) == (2, True)
+    assert (refused.code, "--only: only with --decode" in refused.stderr) == (2, True)
     assert not (tmp_path / "run.log").exists()
