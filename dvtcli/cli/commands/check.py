@@ -84,7 +84,7 @@ def command(
             return check_recordings(session, files, options)
     refuse_options({"dbc": dbc}, "for recordings only", "network files are named without -d")
     if files and not live:
-        refuse_options({"for_s": for_s}, "only with --live, which receives from the bus")
+        refuse_options({"for_s": for_s or None}, "only with --live, which receives from the bus")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too

@@ -60,7 +60,7 @@ def command(
     from dvtcli.operations.network.network_load import MEASURED_S, LoadOptions, network_load
 
     if file is not None and not has_bus(session):
-        refuse_options({"for_s": for_s}, "only with a bus, from which it receives")
+        refuse_options({"for_s": for_s or None}, "only with a bus, from which it receives")
     options = LoadOptions(
         MEASURED_S if for_s is None else for_s,
         bit_rate,

@@ -468,7 +468,7 @@ class BesideScreen:
 def in_a_line(session: Conversation, failed: DvtcliError) -> str:
     """Return *failed* with its reason and hint on one line."""
     if failed.abort is not None:
-        from dvtcli.operations.results.usual_cause import add_usual_cause
+        from dvtcli.operations.user.usual_cause import add_usual_cause
 
         add_usual_cause(failed)
     words = [error_text(failed), failed.why or "", session.output.hints().text(failed.hint) if failed.hint else ""]

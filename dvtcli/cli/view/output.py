@@ -149,7 +149,7 @@ class Output:
         """
         self.failed, self._node = error, error.node
         if error.abort is not None:
-            from dvtcli.operations.results.usual_cause import add_usual_cause
+            from dvtcli.operations.user.usual_cause import add_usual_cause
 
             add_usual_cause(error)
         if self.json and not readable:

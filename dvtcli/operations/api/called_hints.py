@@ -261,7 +261,7 @@ def errors_in_calls(*, others: bool = False) -> Iterator[None]:
 
 def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
     if raised.abort is not None:
-        from dvtcli.operations.results.usual_cause import add_usual_cause
+        from dvtcli.operations.user.usual_cause import add_usual_cause
 
         add_usual_cause(raised)
 

@@ -308,7 +308,7 @@ def network_picture(session: Session, file: str | None = None, options: PictureO
     """
     options = options or PictureOptions()
     if file is not None and not has_bus(session):
-        refuse_options({"for_s": options.for_s}, "only with a bus, from which it receives")
+        refuse_options({"for_s": options.for_s or None}, "only with a bus, from which it receives")
         return _of_file(session, file, options)
     refuse_without_bus(session)
     return _of_bus(session, file, options)

@@ -25,7 +25,6 @@ WITHOUT_BUS = [
     ("decode {log} --layout wide", "--layout", ".parquet"),
     ("decode {log} --source press", "--source", ".parquet"),
     ("check {net} --for 1s", "--for", "--live"),
-    ("check {net} --for 0", "--for", "--live"),
     ("check {net} -d {net}", "--dbc", "recordings"),
     ("check {log} --for 2s", "--for", "not for a recording"),
     ("check {log} --live", "--live", "not for a recording"),
@@ -98,6 +97,11 @@ def test_an_option_without_effect_on_a_bus_is_refused(
     line: str, options: str, words: str, names: dict[str, Path], bench: Bench
 ) -> None:
     is_refused(bench, line, options, words, names)
+
+
+@pytest.mark.parametrize("line", ["check {net} --for 0", "load {net} --for 0", "report {new}.html {net} --for 0"])
+def test_not_to_listen_needs_no_bus(line: str, names: dict[str, Path]) -> None:
+    assert "--for" not in Bench(()).run(line.format(**names)).stderr
 
 
 def test_options_that_are_not_given_are_not_refused() -> None:
