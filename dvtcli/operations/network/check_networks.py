@@ -13,10 +13,12 @@ from dvtcli.domain.lint import ERROR, LintRule
 from dvtcli.domain.network.network_config import NOWHERE, FileNote, Mark
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import described_network, library_match, unknown_names
-from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
+from dvtcli.operations.plans.read_network_config import eds_of, read_network_config, skipped_rules
 from dvtcli.operations.results.checks import FileRule, NetworkFinding, NetworkReport, NetworksChecked, rules_among
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_config import Mark, NetworkConfig
     from dvtcli.domain.network.network_state import NetworkState
@@ -137,6 +139,7 @@ def _report(
             *config.notes,
             *unknown_names(file, config, on_bus),
             *_described(file, config),
+            *_cut_short(file, config),
             *_undescribed(state),
         )
     )
@@ -152,6 +155,21 @@ def _described(file: str, config: NetworkConfig) -> Iterator[FileNote]:
         found = library_match(file, node)
         if found is not None and (remark := found.remark("in `identity:`")):
             yield FileNote(f"node {node.node_id}: {remark}", node.mark)
+
+
+def _cut_short(file: str, config: NetworkConfig) -> Iterator[FileNote]:
+    """Note each device file that ends in the middle, at the first node that names it: rules miss what it lacks."""
+    from dvtcli.files.device_file import lacks_to_its_end, read_device_file
+
+    marks: dict[Path, Mark] = {}
+    for node in config.nodes:
+        if node.dcf is not None and (path := eds_of(file, node)) is not None:
+            marks.setdefault(path, node.dcf.mark)
+    for path, mark in marks.items():
+        if lacks := lacks_to_its_end(read_device_file(path)):
+            yield FileNote(
+                f"{path.name} is cut short: {lacks}; findings may be about these: get the complete file", mark
+            )
 
 
 def _undescribed(state: NetworkState) -> Iterator[FileNote]:

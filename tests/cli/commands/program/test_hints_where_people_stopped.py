@@ -127,6 +127,12 @@ def test_a_file_that_ends_in_the_middle_is_named(tmp_path: Path) -> None:
     )
     assert "cut short" in dvtcli("--sim", "gen4", "--eds", "cut.eds", "pdo", cwd=tmp_path).stderr
     assert "cut short" not in dvtcli("--sim", "whole.eds", "pdo", cwd=tmp_path).stderr
+    nodes = "".join(f"n{number}:\n  node_id: {number}\n  dcf: {{}}.eds\n" for number in (4, 5))
+    for name in ("cut", "whole"):
+        (tmp_path / "net.yaml").write_text(nodes.format(name, name), "utf-8")
+        checked = dvtcli("check", "net.yaml", cwd=tmp_path).stdout
+        assert checked.count("net.yaml:3:8: note: cut.eds is cut short: ") == (name == "cut"), checked
+        assert checked.count("cut short") == (name == "cut"), "a file that several nodes name is named once"
 
 
 def test_a_network_file_without_eds_becomes_a_dbc_file_with_a_warning(tmp_path: Path) -> None:
