@@ -15,7 +15,14 @@ from dvtcli.files.recordings.formats import NETWORK_FILE, is_recording, other_fo
 from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
-from dvtcli.operations.results.checks import FileRule, RecordingFinding, RecordingReport, RecordingsChecked, rules_among
+from dvtcli.operations.results.checks import (
+    FileRule,
+    RecordingFinding,
+    RecordingReport,
+    RecordingsChecked,
+    judged_rules,
+    rules_among,
+)
 from dvtcli.watch.recording_checks.problems import Problem
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
 from dvtcli.watch.recording_checks.stream_problems import LOAD
@@ -94,9 +101,10 @@ def check_recordings(session: SessionNodes, files: Sequence[str], options: Recor
         "docs/reference/recording-rules.md",
     )  # fmt: skip
     known = _known(session, options)
+    judged = judged_rules(rules, options.only, (LOAD.name,), known.bit_rate)
     names = tuple(dict.fromkeys(files))
     report = _report if len(names) == 1 and not options.as_findings else _report_anyway
-    return RecordingsChecked(tuple(report(session, file, known, rules) for file in names))
+    return RecordingsChecked(tuple(report(session, file, known, judged) for file in names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +142,7 @@ def _report_anyway(session: SessionNodes, file: str, known: _Known, rules: tuple
             int(line) if line.isdecimal() else 1, "error", UNREADABLE.name, "",
             f"{text}: {failed.why}" if failed.why else text,
         )  # fmt: skip
-        return RecordingReport(file, _asked((UNREADABLE,), None), (finding,), unread=failed.exit_code)
+        return RecordingReport(file, _asked((UNREADABLE,)), (finding,), unread=failed.exit_code)
 
 
 def _report(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
@@ -182,15 +190,14 @@ def _report_of(
         node_id for node_id in known.node_ids if not any(check.has_sent(node_id) for check in checks.values())
     )
     return RecordingReport(
-        file, _asked(rules, known.bit_rate), findings, number, first_s, last_s, unseen=unseen,
+        file, _asked(rules), findings, number, first_s, last_s, unseen=unseen,
         described=len(known.node_ids),
     )  # fmt: skip
 
 
-def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, ...]:
-    """Return *rules* as a report names them; without a bit rate the load is not judged."""
-    judged = (rule for rule in rules if bit_rate is not None or rule is not LOAD)
-    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
+def _asked(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
+    """Return *rules* as a report names them."""
+    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
 def _of_network(

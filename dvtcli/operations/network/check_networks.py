@@ -14,7 +14,14 @@ from dvtcli.domain.network.network_config import NOWHERE, FileNote, Mark
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import described_network, library_match, unknown_names
 from dvtcli.operations.plans.read_network_config import eds_of, read_network_config, skipped_rules
-from dvtcli.operations.results.checks import FileRule, NetworkFinding, NetworkReport, NetworksChecked, rules_among
+from dvtcli.operations.results.checks import (
+    FileRule,
+    NetworkFinding,
+    NetworkReport,
+    NetworksChecked,
+    judged_rules,
+    rules_among,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -125,12 +132,15 @@ def _report(
     file: str, options: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
 ) -> NetworkReport:
     """Report on *file*; raises InputFileError or UsageError if it cannot be read."""
+    from dvtcli.domain.network.check.check_bus import CHECKS_OF_BIT_RATE
+
     try:
         config = read_network_config(file)
     except InputFileError as wrong:
         wrong.outcome = ""  # nothing was to be sent
         raise
     state, findings = judged_file(file, config, options, on_bus)
+    judged = judged_rules(rules, options.only, CHECKS_OF_BIT_RATE, options.bit_rate or state.bit_rate)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in config.nodes)
     shown = tuple(finding for finding in findings if options.shows_all or not finding.is_aside)
     notes = tuple(
@@ -144,7 +154,7 @@ def _report(
         )
     )
     return NetworkReport(
-        file, asked_rules(rules), shown, nodes, len(config.links), notes, strict=options.strict,
+        file, asked_rules(judged), shown, nodes, len(config.links), notes, strict=options.strict,
         folded=len(findings) - len(shown),
     )  # fmt: skip
 
@@ -187,8 +197,7 @@ def _report_anyway(
         return _report(file, options, rules, on_bus)
     except (InputFileError, UsageError) as failed:
         found = tuple(_unreadable(failed, file))
-        asked = tuple(dict.fromkeys((FILE_RULES[0], *rules)))
-        return NetworkReport(file, asked_rules(asked), found, strict=options.strict, unread=failed.exit_code)
+        return NetworkReport(file, asked_rules(FILE_RULES[:1]), found, strict=options.strict, unread=failed.exit_code)
 
 
 def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:

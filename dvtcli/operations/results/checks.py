@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.times import utc
 from dvtcli.errors import DvtcliError, UsageError, ended_with
@@ -369,6 +370,25 @@ def rules_among(
         hint = "choose at least one rule"
         raise UsageError("no rule is left to check", given={"without": None}, hint=hint)
     return chosen
+
+
+def judged_rules(
+    rules: Sequence[LintRule], only: Collection[str], of_bit_rate: Collection[str], bit_rate: int | None
+) -> tuple[LintRule, ...]:
+    """Return the *rules* that can be judged: those named in *of_bit_rate* need a known *bit_rate* (bit/s).
+
+    Raises UsageError for another one in *only*, or if none is left: what no rule looks at was not checked.
+    """
+    judged = tuple(rule for rule in rules if bit_rate is not None or rule.name not in of_bit_rate)
+    for rule in rules:
+        if rule not in judged and (rule.name in only or not judged):
+            raise UsageError(
+                f"rule {rule.name} cannot be judged: the bit rate is unknown",
+                hint=Hint(
+                    Action.GIVE_BIT_RATE, why="give {} (bit/s), or, in a network file, master: {{baudrate: …}} (kbit/s)"
+                ),
+            )
+    return judged
 
 
 @dataclass(frozen=True, slots=True)
