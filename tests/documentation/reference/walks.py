@@ -63,7 +63,7 @@ ROLL_BACKS = (
     Walk(
         "`apply` of two nodes, of which the second refuses, to the first download of the roll-back of the first",
         ("--sim", "gen4", "--sim", "gen4@5", "--fault", "5:refuse@2=0x08000000", "-y", "apply", "two.yaml"),
-        within="take_back",
+        within="roll_back",
     ),
 )
 
