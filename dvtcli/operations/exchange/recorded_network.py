@@ -15,6 +15,7 @@ from dvtcli.errors import InputFileError, SdoAborted, SdoProtocolError, UsageErr
 from dvtcli.watch.sdo_transfers import ReceivedObjects, is_boot_up
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -57,6 +58,7 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
             if throughout:
                 unsure = followed.changed | followed.late
                 pdos = {pdo: config for pdo, config in pdos.items() if (node_id, pdo) not in unsure}
+                pdos = _working_pdos(session, node_id, pdos, followed)
             nodes += [_node_state(session, followed.received.values(node_id), pdos)] if pdos else []
     if not nodes:
         if throughout:
@@ -65,6 +67,20 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
         raise UsageError(f"{path} does not show the mapping of its PDOs: {why}", hint=_HINT, place=str(path))
     _tell_changed(session, followed, throughout=throughout)
     return NetworkState(tuple(nodes)), missing
+
+
+def _working_pdos(
+    session: SessionUser, node_id: int, pdos: Mapping[Pdo, PdoConfig], followed: _Followed
+) -> dict[Pdo, PdoConfig]:
+    """Return the enabled *pdos* with a mapping; warns of others whose frames were seen: their mapping is unknown."""
+    working = {pdo: config for pdo, config in pdos.items() if config.enabled and config.mapping}
+    for pdo, config in pdos.items():
+        if pdo not in working and identifier_of(config) in followed.seen:
+            text = (
+                f"{pdo.label} of node {node_id} is {'without a mapping' if config.enabled else 'disabled'} at the end"
+            )
+            session.reporter.warning(f"{text}: the mapping of its frames is unknown, they remain bytes")
+    return working
 
 
 def _tell_changed(session: SessionUser, followed: _Followed, *, throughout: bool) -> None:

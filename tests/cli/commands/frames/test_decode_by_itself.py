@@ -56,6 +56,16 @@ def test_a_mapping_that_changed_meanwhile_decodes_nothing() -> None:
     assert "TPDO1 of node 5 had other settings before: its mapping changed between frames: they remain bytes" in said
 
 
+@pytest.mark.parametrize("length", [4, 6, 8])
+def test_a_pdo_that_is_left_off_gives_no_mapping(length: int) -> None:
+    """As after a refused write: the frames before it were sent by a mapping that nobody knows."""
+    record("186#3712", *SET[:length])
+    out, said = run("decode run.log")
+    assert "TPDO1? node 6" in out.splitlines()[0]
+    assert "TPDO1 of node 6 is disabled at the end: the mapping of its frames is unknown, they remain bytes" in said
+    assert "mappings from the SDO transfers" not in said
+
+
 def test_frames_from_before_a_download_are_not_read_by_what_it_sets() -> None:
     record("1A0#E8030000", *SET, "1A0#D2040000")
     out, said = run("decode run.log")
