@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import click
 
+from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import BIT_RATES, CHOICES, checked
 
+#: Beginning of the names of variables for options; other variables of dvtcli.
+VARIABLES, _OTHER_VARIABLES = "DVTCLI_", {"DVTCLI_CONFIG", "DVTCLI_PASSCODE"}
 #: Prefix of the parameters' names, to avoid a clash with a command's own `--type` or `--node`.
 PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
@@ -124,7 +127,7 @@ def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -
     plain = _plain(names)
     switches = [name for name in names if name.startswith("-")]
     if not hidden and settings.get("flag_value") is None:
-        settings.setdefault("envvar", f"DVTCLI_{plain.upper()}")
+        settings.setdefault("envvar", variable_of(plain))
     settings["hidden"] = hidden or settings.get("hidden", False)
     if settings.get("is_flag") and "flag_value" not in settings:
         settings["default"] = None
@@ -133,14 +136,39 @@ def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -
     return click.Option([*switches, PREFIX + plain], expose_value=True, **settings)
 
 
-def taken(params: dict[str, Any]) -> dict[str, Any]:
-    """Remove the global options from *params*; returns those given, checked and typed."""
+def taken(params: dict[str, Any], ctx: click.Context | None = None) -> dict[str, Any]:
+    """Remove the global options from *params*; returns those given, checked and typed.
+
+    Raises UsageError for an invalid value, with the name of its variable if *ctx* has it from there.
+    """
     given: dict[str, Any] = {}
     for key in [key for key in params if key.startswith(PREFIX)]:
         value, name = params.pop(key), key.removeprefix(PREFIX)
-        if value not in (None, (), 0, False):
+        if value in (None, (), 0, False):
+            continue
+        try:
             given[name] = checked(name, value)
+        except UsageError as wrong:
+            if ctx is None or not by_variable(ctx, name):
+                raise
+            raise UsageError(f"{variable_of(name)}: {wrong.text}", hint=wrong.hint) from wrong
     return given
+
+
+def variable_of(name: str) -> str:
+    """Return the name of the environment variable for the global option *name*."""
+    return f"{VARIABLES}{name.upper()}"
+
+
+def unknown_variables(names: Iterable[str]) -> Iterator[str]:
+    """Describe each of the variables *names* that begins with `DVTCLI_` and means nothing to dvtcli."""
+    known = {variable_of(_plain(switches)) for switches, _ in _TABLE} | _OTHER_VARIABLES
+    for name in sorted(names):
+        if name.startswith(VARIABLES) and name not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, known, 1)
+            yield f"{name} means nothing to dvtcli{f'; did you mean {near[0]}?' if near else ''}"
 
 
 def by_variable(ctx: click.Context, name: str) -> bool:

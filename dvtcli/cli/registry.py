@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.catalogue import command_names, meant, task_rows, task_sections, unknown_command
-from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
+from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken, unknown_variables
 from dvtcli.cli.runner_interface import CommandGroup, runners
 
 if TYPE_CHECKING:
@@ -82,13 +82,15 @@ class Registry(CommandGroup):
     def invoke(self, ctx: click.Context) -> Any:
         """Apply the global options before the command, then run it."""
         session: Conversation = ctx.obj
-        given = taken(ctx.params)
+        given = taken(ctx.params, ctx)
         if session.started and given:
             raise click.UsageError("options belong after the command", ctx)
         if not session.started:
             said = {name: value for name, value in given.items() if by_variable(ctx, name)}
             session.read_settings(said)
             session.start({name: value for name, value in given.items() if name not in said})
+            for unknown in unknown_variables(os.environ):
+                session.output.note(unknown)
         return super().invoke(ctx)
 
 

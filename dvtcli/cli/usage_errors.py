@@ -7,6 +7,7 @@ from difflib import SequenceMatcher
 
 import click
 
+from dvtcli.cli.global_options import PREFIX, by_variable, variable_of
 from dvtcli.cli.params import TEXT
 from dvtcli.errors import UsageError
 
@@ -16,11 +17,20 @@ def usage_error(wrong: click.ClickException) -> UsageError:
     ctx = getattr(wrong, "ctx", None)
     if isinstance(wrong, click.NoSuchOption):
         wrong = click.NoSuchOption(wrong.option_name, possibilities=_near_options(wrong), ctx=wrong.ctx)
-    hint, text = None, " ".join(wrong.format_message().split())
+    hint, text = None, " ".join(_without_variable(wrong).format_message().split())
     if ctx is not None and ctx.command.name != "dvtcli":
         usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
         hint = f"{ctx.info_name} {usage}; {_in_quotes(ctx, text) or f'help {ctx.info_name}'}"
     return UsageError(text, hint=hint)
+
+
+def _without_variable(wrong: click.ClickException) -> click.ClickException:
+    """Return *wrong*, about its variable instead of the option if a value comes from there."""
+    if isinstance(wrong, click.BadParameter) and wrong.ctx is not None and wrong.param is not None:
+        name = (wrong.param.name or "").removeprefix(PREFIX)
+        if by_variable(wrong.ctx, name):
+            return click.UsageError(f"{variable_of(name)}: {wrong.message}", wrong.ctx)
+    return wrong
 
 
 _EXTRA = r"(?s)Got unexpected extra arguments? \((.*)\)"
