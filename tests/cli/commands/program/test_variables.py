@@ -26,5 +26,5 @@ def test_an_unknown_variable_is_named() -> None:
     done = run(SIMULATED, env={**environment(), "DVTCLI_TIMOUT": "3", "DVTCLI_TIMEOUT": "3"})
     assert done.returncode == 0
     assert done.stderr == "note: DVTCLI_TIMOUT means nothing to dvtcli; did you mean DVTCLI_TIMEOUT?\n"
-    assert not run((*SIMULATED, "--quiet"), env={**environment(), "DVTCLI_TIMOUT": "3"}).stderr
+    assert not run(("--quiet", *SIMULATED), env={**environment(), "DVTCLI_TIMOUT": "3"}).stderr
     assert not run(SIMULATED, env={**environment(), "DVTCLI_CONFIG": "", "DVTCLI_PASSCODE": "1"}).stderr
