@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint, as_hint
 
 #: The usual cause of each code of CiA 301, table 22, and what to do.
@@ -20,26 +21,24 @@ USUAL_CAUSES: dict[int, Hint | str] = {
     0x0601_0001: "the object has no value that can be read",
     0x0601_0002: "usually a fixed mapping or COB-ID, or the device needs a login first",
     0x0602_0000: "usually a wrong index (in text it is hexadecimal), or the EDS is of another revision",
-    0x0604_0041: Hint(Action.SHOW_MAPPABLE, why="{} lists what can be mapped; check the direction and the length"),
+    0x0604_0041: "usually an object that the device does not map in this direction, or not with this length",
     0x0604_0042: "usually more than 64 bits in the PDO, or more entries than the device allows",
     0x0604_0043: "another parameter excludes this value: see the device's manual",
-    0x0604_0047: Hint(Action.RESTORE, why="the device's configuration contradicts itself: see its manual, or {}"),
+    0x0604_0047: "the device's configuration contradicts itself: see its manual",
     0x0606_0000: "often the EEPROM: try again, then suspect the device",
     0x0607_0010: Hint(Action.READ, why="usually the object's length differs from the EDS: {} shows it"),
     0x0607_0012: Hint(Action.READ, why="usually the object is shorter than in the EDS: {} shows its length"),
     0x0607_0013: Hint(Action.READ, why="usually the object is longer than in the EDS: {} shows its length"),
     0x0609_0011: "usually an array that is shorter in this firmware; in text, sub-indices are hexadecimal",
     0x0609_0030: "usually out of range, or of a PDO that was not disabled first (dvtcli disables it)",
-    0x0609_0031: Hint(Action.FIND_OBJECTS, why="above the object's upper limit: {} shows the limits in the EDS"),
-    0x0609_0032: Hint(Action.FIND_OBJECTS, why="below the object's lower limit: {} shows the limits in the EDS"),
+    0x0609_0031: "above the object's upper limit, which the device's manual or EDS gives",
+    0x0609_0032: "below the object's lower limit, which the device's manual or EDS gives",
     0x0609_0036: "write the other limit first",
     0x060A_0023: "usually another client uses the SDO channel",
     0x0800_0000: Hint(Action.SHOW_FAULTS, why="usually a wrong state, or a missing login: {} may show the cause"),
     0x0800_0020: "usually a wrong signature, or the device cannot store now",
     0x0800_0021: "the device is operated locally: switch it to remote",
-    0x0800_0022: Hint(
-        Action.ENTER_PRE_OPERATIONAL, why="usually it needs PRE-OPERATIONAL ({}), or its power stage off"
-    ),
+    0x0800_0022: "usually the device needs PRE-OPERATIONAL, or its power stage off",
     0x0800_0023: "usually the device is not configured, or in its boot loader",
     0x0800_0024: "the value does not exist yet",
 }
@@ -55,9 +54,9 @@ def usual_cause(code: int, place: str | None) -> Hint | None:
     if written is None:
         return hint
     index = int(written[1], 16)
-    if hint.action is Action.SHOW_MAPPABLE and 0x1600 <= index < 0x1C00:
-        return replace(hint, arguments={"direction": "tpdo" if index >= 0x1A00 else "rpdo"})
-    if hint.action in (Action.READ, Action.FIND_OBJECTS):
-        name = "object" if hint.action is Action.READ else "text"
-        return replace(hint, arguments={name: written[0].removeprefix("0x")})
+    if code == Abort.NOT_MAPPABLE and 0x1400 <= index < 0x1C00:
+        direction = "tpdo" if index >= 0x1800 else "rpdo"
+        return hint + Hint(Action.SHOW_MAPPABLE, {"direction": direction}, "; {} lists what it maps")
+    if hint.action is Action.READ:
+        return replace(hint, arguments={"object": written[0].removeprefix("0x")})
     return hint

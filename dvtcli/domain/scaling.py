@@ -283,7 +283,8 @@ _PREFIXES = {
 _BASES = frozenset({"V", "A", "W", "Ω", "Hz", "s", "m", "g", "N", "Nm", "Pa", "J", "K", "F", "H", "C", "Wh", "Ah", "VA",
                     "bar", "T", "rad", "inc", "bit"})  # fmt: skip
 _FACTOR = re.compile(r"[+-]?(?:\d{1,18}/0*[1-9]\d{0,17}|\d{1,18}(?:\.\d{0,18})?(?:[eE][+-]?\d{1,2})?|\.\d{1,18})")
-_EXACT_SCALE = re.compile(rf"({_FACTOR.pattern})(?: *([^\d\s(.,/].*))?")
+#: a whole number, and a unit: behind a blank also `1/s`, without one none such as `e5`, of `1/3e5`
+_EXACT_SCALE = re.compile(rf"((?>{_FACTOR.pattern}))(?:(?!\w\d)([^\d\s(.,/^*].*)| +([^\d\s(.,/^*].*|1/[^\W\d].*))?")
 #: a unit that begins with a digit: `1/s`
 _PER = re.compile(r"1/[^\W\d].*")
 _SCALE = r"(\d{1,9})/([1-9]\d{0,8})(?: +(\S.*))?|(\d{0,9}\.\d{1,9}|10{1,6}) *([^\d\s(.,/].*)"
@@ -369,7 +370,7 @@ def parse_exact_scale(text: str) -> tuple[Fraction, str]:
     text = " ".join(text.split())
     match = _EXACT_SCALE.fullmatch(text)
     if match is not None:
-        return parse_factor(match[1]), spelled(match[2] or "")
+        return parse_factor(match[1]), spelled(match[2] or match[3] or "")
     factor, unit = parse_scale(text)
     if unit[:1].isdecimal() and not _PER.fullmatch(unit):
         raise ValueError(f"{text[:40]!r} is not one count's value: write 1/256 V, 0.5 V or V")

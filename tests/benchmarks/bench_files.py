@@ -4,7 +4,7 @@
 
 Networks of 16 and 127 nodes of the generic family, four TPDOs and four RPDOs each. Processor time of whole processes.
 `growth` is the exponent from 16 to 127 nodes of the time without what a command takes for one node, by the least times
-of all rounds; of few nodes each round takes the least of three, since a start varies as much as they take.
+of all rounds; each round takes the least of three, since a start varies as much as few nodes take.
 """
 
 from __future__ import annotations
@@ -38,10 +38,7 @@ def figures(rounds: int) -> Iterator[Figure]:
         for name, words, most in COMMANDS:
             took = [
                 {
-                    count: min(
-                        cpu_s(["-m", "dvtcli", *(word.format(file) for word in words)])
-                        for _ in range(1 if count == COUNTS[-1] else 3)
-                    )
+                    count: min(cpu_s(["-m", "dvtcli", *(word.format(file) for word in words)]) for _ in range(3))
                     for count, file in files.items()
                 }
                 for _ in range(rounds)
@@ -49,6 +46,6 @@ def figures(rounds: int) -> Iterator[Figure]:
             reading = [cpu_s(["-c", _RUAMEL, str(files[127])]) - cpu_s(["-c", "import ruamel.yaml"]) for _ in took]
             yield Figure(f"{name}: 127 nodes", "s", [each[127] for each in took], "ruamel.yaml", reading, most=most)
             start_s, few_s, all_s = (min(each[count] for each in took) for count in COUNTS)
-            if few_s > start_s:  # otherwise the machine's noise is longer than 15 nodes
+            if all_s > few_s > start_s:  # otherwise the machine's noise is longer than 15 nodes
                 growth = log((all_s - start_s) / (few_s - start_s)) / log(126 / 15)
                 yield Figure(f"{name}: growth, n^", "", [growth], "n^1", [1.0], most=_MOST_GROWTH)

@@ -92,7 +92,7 @@ def figures(rounds: int) -> Iterator[Figure]:
                 most=most_s / READ_S,
             )  # fmt: skip
             start_s, few_s, all_s = (min(each[count][0] for each in took) for count in (FEW, 10_000, most))
-            if few_s > start_s:  # otherwise the machine's noise is longer than 10,000 frames
+            if all_s > few_s > start_s:  # otherwise the machine's noise is longer than 10,000 frames
                 growth = log((all_s - start_s) / (few_s - start_s)) / log(most / 10_000)
                 yield Figure(f"{name}: growth, n^", "", [growth], "n^1", [1.0], most=MOST_GROWTH)
             yield Figure(

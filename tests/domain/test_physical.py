@@ -184,13 +184,14 @@ def test_how_files_write_a_unit(text: str, factor: str, unit: str) -> None:
     [
         ("2 V", "2", "V"), ("5V", "5", "V"), ("3e-05 rpm", "3/100000", "rpm"), ("1/256 V", "1/256", "V"),
         ("0.25", "1/4", ""), ("rpm", "1", "rpm"), ("1/min", "1", "rpm"), ("1/s", "1", "1/s"), ("-1 A", "-1", "A"),
+        ("1e5 1/s", "100000", "1/s"), ("10 1/s", "10", "1/s"), ("0.1 1/s", "1/10", "1/s"), ("5 m2", "5", "m2"),
     ],
 )  # fmt: skip
 def test_a_number_in_a_profile_is_a_factor(text: str, factor: str, unit: str) -> None:
     assert parse_exact_scale(text) == (Fraction(factor), unit)
 
 
-@pytest.mark.parametrize("text", ["0 V", "1/0 V", "2 3 V", "8.8 (rad/s)", "1.2.3"])
+@pytest.mark.parametrize("text", ["0 V", "1/0 V", "2 3 V", "8.8 (rad/s)", "1.2.3", "1/3e5 V", "1000/2^12 A", "0x10 V"])
 def test_a_scale_of_a_profile_that_is_neither_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"factor|count"):
         parse_exact_scale(text)
@@ -199,7 +200,7 @@ def test_a_scale_of_a_profile_that_is_neither_is_refused(text: str) -> None:
 @given(
     st.integers(1, 999_999_999),
     st.integers(-12, 9),
-    st.sampled_from(["", "V", "°C", "rpm", "%", "of rated", "N·m", "m/s²"]),
+    st.sampled_from(["", "V", "°C", "rpm", "%", "of rated", "N·m", "m/s²", "1/s"]),
 )
 def test_a_profile_reads_what_is_shown(digits: int, exponent: int, unit: str) -> None:
     factor = Fraction(digits) * Fraction(10) ** exponent

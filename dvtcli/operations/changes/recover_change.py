@@ -72,9 +72,10 @@ def _reporting_itself(session: SessionNodes) -> Iterator[None]:
     files.withheld = withheld
     try:
         yield
-    except NoAnswer:
+    except DvtcliError as failed:
+        is_silent = any(isinstance(one, NoAnswer) for one in (failed, *failed.others))
         for interrupted in dict.fromkeys(files.interrupted(guard.node_id, guard) for guard in withheld):
-            if interrupted:
+            if is_silent and interrupted:
                 session.reporter.note(interrupted)
         raise
     finally:

@@ -7,6 +7,7 @@ from dvtcli.errors import DvtcliError, RuleError
 
 
 def add_usual_cause(error: DvtcliError) -> None:
-    """Give *error*, which ends a command, the usual cause of its abort code as the hint, if it has no better hint."""
-    if error.hint is None and error.abort is not None and not isinstance(error, RuleError):
+    """Give *error*, which ends a command, its abort code's usual cause as the hint if it has neither hint nor why."""
+    is_unexplained = error.hint is None and error.why is None
+    if is_unexplained and error.abort is not None and not isinstance(error, RuleError):
         error.hint = usual_cause(error.abort, error.place)

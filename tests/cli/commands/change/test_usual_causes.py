@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import dvtcli
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.abort_causes import USUAL_CAUSES, usual_cause
-from dvtcli.domain.hint import Action, as_hint
+from dvtcli.domain.hint import as_hint
 from dvtcli.errors import DvtcliError
 from tests.cli.commands.bench import Bench
 
@@ -21,18 +23,26 @@ def test_every_refusal_says_what_to_do(code: int, line: str) -> None:
     with Bench(("generic",), {"fault": (f"refuse@1=0x{code:08X}",)}) as bench:
         ran = bench.run(line)
         assert ran.code != 0
-        assert "\n  hint    " in ran.stderr, ran.stderr
+        (hint,) = (line.removeprefix("  hint    ") for line in ran.stderr.splitlines() if line.startswith("  hint"))
+        for command in re.findall("`(.*?)`", hint):
+            assert bench.run(command).code == 0, "what a hint names runs as printed, and changes nothing"
     with Bench(("generic",), {"fault": (f"refuse@1=0x{code:08X}",)}) as bench:
         assert bench.run(f"{line} --json").document["hint"]
 
 
 def test_a_hint_names_the_object_and_the_direction() -> None:
-    mappable = usual_cause(0x0604_0041, "1A00:01")
-    assert mappable is not None
-    assert (mappable.action, mappable.arguments) == (Action.SHOW_MAPPABLE, {"direction": "tpdo"})
+    for place, direction in (("1A00:01", "tpdo"), ("1800:01", "tpdo"), ("1600:01", "rpdo"), ("0x1400:02", "rpdo")):
+        assert f"`objects --mappable {direction}` lists" in typed(usual_cause(0x0604_0041, place))
+    assert "objects" not in typed(usual_cause(0x0604_0041, "1017:00"))
     assert "`read 6041:00`" in typed(usual_cause(0x0607_0010, "0x6041:00"))
     assert usual_cause(0x0604_0000, "1A00:01") is None, "CiA 301 has no such code"
     assert all(typed(usual_cause(code, None)) == typed(as_hint(cause)) for code, cause in USUAL_CAUSES.items())
+
+
+def test_a_known_reason_needs_no_usual_cause() -> None:
+    with Bench(("generic",)) as bench:
+        ran = bench.run("write 1A00:1 0x60400010 --force")
+        assert ("\n  why     " in ran.stderr, "usually" in ran.stderr) == (True, False), ran.stderr
 
 
 def test_a_program_gets_it_too() -> None:
