@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_pdos import ABSENT
 from dvtcli.device.virtual_pdos import apply, group_names, read_pins
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.results import VpdoListing
 from dvtcli.operations.results.pdos import PinRow, VpdoRow
@@ -26,10 +27,25 @@ _NONE = "none"
 def list_ties(session: SessionNodes, group: str | None = None, node_id: int | None = None) -> VpdoListing:
     """List the objects tied to pins of *group* (None: all groups) of *node_id*, else the selected node.
 
-    Raises UsageError for an unknown group, DvtcliError if the node has no virtual PDOs.
+    Of all groups, those that the device lacks are named in a note. Raises UsageError for an unknown group, DvtcliError
+    if the node has no virtual PDOs, SdoAborted if it lacks *group*, or all of them.
     """
     node = session.node(node_id)
-    return _listing(node, [group] if group else group_names(node))
+    if group is not None:
+        return _listing(node, [group])
+    rows, lacking = list[VpdoRow](), dict[str, SdoAborted]()
+    for name in group_names(node):
+        try:
+            rows.append(_row(node, read_pins(node, name)))
+        except SdoAborted as absent:
+            if absent.code not in ABSENT:
+                raise
+            lacking[name] = absent
+    if lacking and not rows:
+        raise next(iter(lacking.values()))
+    for name, refused in lacking.items():
+        session.reporter.note(f"node {node.node_id} lacks {name}: {refused.text}")
+    return VpdoListing(node.node_id, tuple(rows))
 
 
 def tie_pin(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 
@@ -236,3 +238,15 @@ def test_pins_of_a_file_that_cannot_be_tied_are_said(pins: str, code: int, said:
         ran = bench.run(f"plan {path}")
         assert ran.code == 4
         assert "but no virtual PDOs" in ran.stderr
+
+
+def test_a_group_that_the_device_lacks_leaves_the_others_in_the_list(tmp_path: Path) -> None:
+    """As a real Gen4, whose file has no 0x3100."""
+    text = family_eds("gen4").read_text("utf-8")
+    lacking = re.sub(r"(?ms)^\[3100(?:sub[0-9A-F]+)?\]$.*?(?=^\[)", "", text, flags=re.IGNORECASE)
+    (tmp_path / "lacking.eds").write_text(re.sub(r"(?mi)^\d+=0x3100\r?\n", "", lacking), "utf-8")
+    with Bench((str(tmp_path / "lacking.eds"),)) as bench:
+        ran = bench.run("vpdo")
+        assert (ran.code, "digital-in" in ran.stdout) == (0, True), ran.stderr
+        assert "lacks digital-out: 0x3100:00 refused: object does not exist" in ran.stderr, ran.stderr
+        assert bench.run("vpdo digital-out").code == 1
