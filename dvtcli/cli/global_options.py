@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -11,8 +11,8 @@ import click
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import BIT_RATES, CHOICES, checked
 
-#: Beginning of the names of variables for options; other variables of dvtcli.
-VARIABLES, _OTHER_VARIABLES = "DVTCLI_", {"DVTCLI_CONFIG", "DVTCLI_PASSCODE"}
+#: Beginning of the names of variables for options.
+VARIABLES = "DVTCLI_"
 #: Prefix of the parameters' names, to avoid a clash with a command's own `--type` or `--node`.
 PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
@@ -158,17 +158,6 @@ def taken(params: dict[str, Any], ctx: click.Context | None = None) -> dict[str,
 def variable_of(name: str) -> str:
     """Return the name of the environment variable for the global option *name*."""
     return f"{VARIABLES}{name.upper()}"
-
-
-def unknown_variables(names: Iterable[str]) -> Iterator[str]:
-    """Describe each of the variables *names* that begins with `DVTCLI_` and means nothing to dvtcli."""
-    known = {variable_of(_plain(switches)) for switches, _ in _TABLE} | _OTHER_VARIABLES
-    for name in sorted(names):
-        if name.startswith(VARIABLES) and name not in known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(name, known, 1)
-            yield f"{name} means nothing to dvtcli{f'; did you mean {near[0]}?' if near else ''}"
 
 
 def by_variable(ctx: click.Context, name: str) -> bool:

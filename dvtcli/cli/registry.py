@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.catalogue import command_names, meant, task_rows, task_sections, unknown_command
-from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken, unknown_variables
+from dvtcli.cli.global_options import VARIABLES, by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.runner_interface import CommandGroup, runners
 
 if TYPE_CHECKING:
@@ -89,8 +89,11 @@ class Registry(CommandGroup):
             said = {name: value for name, value in given.items() if by_variable(ctx, name)}
             session.read_settings(said)
             session.start({name: value for name, value in given.items() if name not in said})
-            for unknown in unknown_variables(os.environ):
-                session.output.note(unknown)
+            if any(name.startswith(VARIABLES) for name in os.environ):
+                from dvtcli.cli.usage_errors import unknown_variables
+
+                for unknown in unknown_variables(os.environ):
+                    session.output.note(unknown)
         return super().invoke(ctx)
 
 

@@ -1,13 +1,14 @@
-"""click's usage errors in our own form. Loaded only after an error."""
+"""click's usage errors in our own form, and unknown variables. Loaded only if there is one."""
 
 from __future__ import annotations
 
 import re
-from difflib import SequenceMatcher
+from collections.abc import Iterable, Iterator
+from difflib import SequenceMatcher, get_close_matches
 
 import click
 
-from dvtcli.cli.global_options import PREFIX, by_variable, variable_of
+from dvtcli.cli.global_options import PREFIX, VARIABLES, by_variable, global_options, variable_of
 from dvtcli.cli.params import TEXT
 from dvtcli.errors import UsageError
 
@@ -31,6 +32,15 @@ def _without_variable(wrong: click.ClickException) -> click.ClickException:
         if by_variable(wrong.ctx, name):
             return click.UsageError(f"{variable_of(name)}: {wrong.message}", wrong.ctx)
     return wrong
+
+
+def unknown_variables(names: Iterable[str]) -> Iterator[str]:
+    """Describe each of the variables *names* that begins with `DVTCLI_` and means nothing to dvtcli."""
+    known = {str(option.envvar) for option in global_options(hidden=False)} | {"DVTCLI_CONFIG", "DVTCLI_PASSCODE"}
+    for name in sorted(names):
+        if name.startswith(VARIABLES) and name not in known:
+            near = get_close_matches(name, known, 1)
+            yield f"{name} means nothing to dvtcli{f'; did you mean {near[0]}?' if near else ''}"
 
 
 _EXTRA = r"(?s)Got unexpected extra arguments? \((.*)\)"

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from dvtcli.domain.text import all_nodes
 from dvtcli.errors import DvtcliError, NoAnswer, UsageError
 from dvtcli.operations.session.opened import Opened
 from dvtcli.operations.user.session_user import SessionUser
@@ -175,6 +174,8 @@ class Session(Opened):
             ]
             if not restarted:
                 return found
+            from dvtcli.domain.text import all_nodes
+
             names = all_nodes(restarted)
             if left:
                 self.reporter.note(f"{names} restarted during the reading, which is repeated")

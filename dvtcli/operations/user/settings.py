@@ -130,15 +130,17 @@ class File:
         return self._layer(table, f"[bus.{name}] of {self.path}")
 
     def _layer(self, keys: Mapping[str, Any], where: str) -> Layer:
-        return {name: (self._value(name, value), where) for name, value in keys.items()}
+        table = "" if where == self.path else f"{where.partition(' of ')[0]}: "
+        return {name: (self._value(name, value, table), where) for name, value in keys.items()}
 
-    def _value(self, name: str, value: Any) -> Any:
+    def _value(self, name: str, value: Any, table: str) -> Any:
+        """Return the checked *value* of key *name*; *table* is the beginning of errors about a key in a table."""
         from dvtcli.files.settings_file import value_of
 
         known = sorted(Options._fields)
         if name not in known:
             raise InputFileError(
-                f"{self.path}: unknown key {name!r}",
+                f"{self.path}: {table}unknown key {name!r}",
                 place=self.path,
                 hint=f"keys are the options: {', '.join(known)}; and {PASSCODE}, [{ALIASES}], [{TRANSMIT}], [bus.NAME]",
             )
@@ -150,7 +152,7 @@ class File:
             return checked(name, value)
         except UsageError as wrong:
             said = "".join(f"{value}: " for value in wrong.given.values() if value is not None)
-            raise InputFileError(f"{self.path}: {name}: {said}{wrong.text}", place=self.path) from wrong
+            raise InputFileError(f"{self.path}: {table}{name}: {said}{wrong.text}", place=self.path) from wrong
 
 
 class Settings:
