@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import can
@@ -11,7 +12,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.recordings.pasted import PASTED, PastedFormat
 from dvtcli.files.recordings.recording_file import read_recorded
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
@@ -234,3 +236,33 @@ def test_bytes_that_are_no_text_are_not_printed(tmp_path: Path) -> None:
     with pytest.raises(InputFileError) as raised:
         list(read_recorded(path))
     assert raised.value.why == "this line is not a frame, nor text"
+
+
+@pytest.mark.parametrize("before", ["", "can0 ", "(1.0) can0 "])
+def test_more_than_eight_bytes_without_the_mark_of_can_fd_are_no_frame(before: str, tmp_path: Path) -> None:
+    """cansend and `explain` refuse them, too."""
+    path = tmp_path / "run.txt"
+    path.write_text(f"705#05\n{before}181#112233445566778899\n", "ascii")
+    with pytest.raises(InputFileError, match="damaged after 1 frame") as failed:
+        list(read_recorded(path))
+    assert (failed.value.place, failed.value.why) == (
+        f"{path}:2", f"this line is not a frame: {before}181#112233445566778899",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("format_", PASTED, ids=lambda each: each.title)
+def test_a_line_too_long_for_a_format_reaches_no_pattern(format_: PastedFormat) -> None:
+    """Some patterns take a time that grows with the square of a line's length."""
+    assert format_.match(" " * (format_.most_characters + 1)) is None
+    line = "  (1.0)  can0  181   [1]  05   '{}'".format("." * 400)
+    assert format_.line.fullmatch(line) is None or format_.match(line) is None
+    assert not format_.is_in([line, line.replace("1.0", "0.5"), line.replace("1.0", "0.7")])
+
+
+def test_a_long_line_in_front_is_soon_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(f"can0 123 [8]{' ' * 20_000}x\n" * 3, "ascii")
+    begin_s = time.process_time()
+    with pytest.raises(UsageError, match="no format is known by its content"):
+        list(read_recorded(path))
+    assert time.process_time() - begin_s < 5

@@ -294,6 +294,27 @@ def test_frames_that_are_left_out_are_counted(words: str, tmp_path: Path, monkey
     assert (ran.code, ran.stderr.count("left out: 1 error frame and 2 CAN FD frames; `")) == (4, 1), ran.stderr
 
 
+@pytest.mark.parametrize("words", ["--csv", "-o values.csv"])
+def test_can_fd_frames_are_no_rows(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if they were not in the recording, and counted."""
+    monkeypatch.chdir(tmp_path)
+    classic, fd = "(1.0) can0 1FF#01\n", "(1.1) can0 705##105\n(1.2) can0 705##17F\n"
+    said: list[tuple[int, str, str]] = []
+    for text in (classic, classic + fd):
+        Path("run.log").write_text(text, "ascii")
+        ran = Bench(()).run(f"decode run.log {words}")
+        said.append((ran.code, ran.stdout, ran.stderr.replace("note: left out: 2 CAN FD frames\n", "")))
+    assert said[0] == said[1]
+    assert (ran.code, ran.stderr.count("left out: 2 CAN FD frames\n")) == (2, 1), ran.stderr
+
+
+def test_a_node_of_can_fd_frames_is_not_taken_for_that_of_an_eds(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    path.write_text("(1.0) can0 705#05\n(1.1) can0 709##105\n", "ascii")
+    ran = Bench((), {"eds": "gen4"}).run(f"decode {path}")
+    assert (ran.code, "node 5" in ran.stderr, "9" in ran.stderr) == (0, True, False), ran.stderr
+
+
 @pytest.mark.parametrize("form", ["candump", "candump -ta", "PCAN-View", "frames such as 705#05"])
 @pytest.mark.parametrize("name", ["run.log", "run.txt"])
 def test_words_in_front_of_a_log_are_named_as_what_is_no_frame(form: str, name: str, tmp_path: Path) -> None:
@@ -302,6 +323,14 @@ def test_words_in_front_of_a_log_are_named_as_what_is_no_frame(form: str, name: 
     with pytest.raises(InputFileError, match="damaged after 0 frames") as failed:
         list(read_recording(path))
     assert failed.value.why == "this line is not a frame: Hi all,"
+    assert failed.value.hint == "without lines 1 to 3 the rest of it can be read"
+
+
+@pytest.mark.parametrize("form", [form for form in FORMS if form not in ("Vector ASC, relative", "PCAN-View 1.0")])
+def test_a_quotation_gives_the_same_frames(form: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(_quoted(FORMS[form](TRAFFIC)), "utf-8")
+    assert [frame.data for frame in read_recording(path)] == [frame.data for frame in TRAFFIC]
 
 
 @pytest.mark.parametrize(
@@ -360,6 +389,14 @@ def test_what_is_nothing_known_is_a_usage_error(text: str, tmp_path: Path) -> No
     path.write_text(text, "ascii")
     with pytest.raises(UsageError, match=r"no format is known by its content or by \.txt"):
         list(read_recording(path))
+
+
+@pytest.mark.parametrize("words", ["", "--csv", "--filter nothing", "--eds gen4 --filter velocity"])
+def test_no_message_names_the_copy_of_standard_input(words: str) -> None:
+    """It is gone when a user reads the message."""
+    done = dvtcli("decode", "-", *words.split(), stdin="(1.0) can0 705#05\n(1.1) can0 20000004#0004000000000000\n")
+    assert "left out: 1 error frame\n" in done.stderr or done.returncode == 2, done.stderr
+    assert "dvtcli-" not in done.stderr
 
 
 def test_standard_input_is_decoded() -> None:
@@ -474,3 +511,63 @@ def test_a_length_of_pcan_view_may_be_a_code_of_can_fd(tmp_path: Path) -> None:
     lines = (f"{n:7d} {n:13.3f} FD     0181 Rx {said:2d}  {'11 ' * 12}" for n, said in enumerate((9, 12), 1))
     path.write_text("\n".join(lines), "ascii")
     assert [len(frame.data) for frame in read_recording(path)] == [12, 12]
+
+
+_NINE = bytes(range(9, 18)).hex(" ").upper()
+
+
+@pytest.mark.parametrize(
+    ("line", "is_fd"),
+    [
+        ("  can0  181  [8]  01 02 03 04 05 06 07 08", False),
+        (f"  can0  181  [09]  {_NINE}", True),
+        ("  can0  181  [08]  01 02 03 04 05 06 07 08", True),
+        ("10:00:00:0010 Rx 1 0x181 s 1 11", False),
+        (f"10:00:00:0010 Rx 1 0x181 s 9 {_NINE}", True),
+        (f"1000,00000181,false,Rx,0,9,{_NINE.replace(' ', ',')}", True),
+        ("      1         1.000 DT     0181 Rx 1  11", False),
+        *((f"      1         1.000 {kind}     0181 Rx 1  11", True) for kind in ("FD", "FB", "FE", "BI", "fd")),
+        ("     1)       1.0  FD 0181 Rx - 9  00 11 22 33 44 55 66 77 88 99 AA BB", True),
+        (f"     1)       1.0  Rx     0181  9  {_NINE}", True),
+        (f"Timestamp: 1700000000.001000  ID: 181  S Rx      DL:  9    {_NINE}", True),
+        ("Timestamp: 1700000000.001000  ID: 181  S Rx F    DL:  1    11", True),
+        ("1700000000.001,0x181,0,0,0,9,CQoLDA0ODxAR", True),
+        ("      1.0 ms  <- 181#090A0B0C0D0E0F1011   TPDO1", True),
+        (f"22:13:20.010000+00:00  0x181  TPDO1 node 1        {_NINE}", True),
+        (
+            '{"schema": "dvtcli.frame/1", "time": "2023-11-14T22:13:20Z", "cob_id": 385, "data": "090A0B0C0D0E0F1011",'
+            ' "remote": false, "extended": false}',
+            True,
+        ),
+        ("181#1122334455667788", False),
+        ("181##1090A0B0C0D0E0F1011", True),
+        ("181##1", True),
+    ],
+)
+def test_more_than_eight_bytes_or_a_mark_are_can_fd(line: str, is_fd: bool, tmp_path: Path) -> None:
+    """Whatever format the line is of."""
+    heads = {
+        "10:00": "\n".join(_BUSMASTER),
+        "1000,": _SAVVY[0],
+        "17000": "timestamp,arbitration_id,extended,remote,error,dlc,data",
+    }
+    head = heads.get(line[:5])
+    path = tmp_path / "run.txt"
+    path.write_text(f"{head}\n{line}\n" if head else f"{line}\n", "ascii")
+    assert [recorded.fd for recorded in read_recorded(path)] == [is_fd]
+
+
+@pytest.mark.parametrize("channel", ["can0 ", "vcan12 ", "slcan0 ", "CAN1 ", "(1.0) bus ", "(1.0) can0 ", ""])
+def test_a_frame_may_have_a_channel(channel: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(f"{channel}705#05\n{channel}705#7F\n", "ascii")
+    name = channel.rsplit(maxsplit=1)[-1] if channel else ""
+    assert [recorded.channel for recorded in read_recorded(path)] == [name] * 2
+
+
+@pytest.mark.parametrize("command", ["send", "explain", "send --node", "dvtcli send"])
+def test_commands_with_frames_are_no_recording(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(f"{command} 705#05\n" * 8, "ascii")
+    with pytest.raises(UsageError, match="no format is known by its content"):
+        list(read_recording(path))

@@ -34,6 +34,8 @@ _DATA = r"(?P<data>[0-9A-F]{2}(?: [0-9A-F]{2})*)?"
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 #: the marks of a quotation in a mail or a forum, and the lines around a block of code
 _QUOTED, _FENCE = re.compile(r"\s*(?:> ?)+"), re.compile(r"\s*(?:`{3,}|~{3,})\s*\w*")
+#: maximum bytes of a frame: classic CAN and CAN FD
+_MOST_BYTES, _MOST_FD_BYTES = 8, 64
 _DAY_S = 86_400
 #: maximum times (s) from line to line, and the maximum first one
 _LONGEST_DELTA_S, _LONGEST_FIRST_S = 1e6, 10
@@ -79,10 +81,16 @@ class PastedFormat(RecordingFormat):
     #: length of the longest line; a frame of 64 bytes takes some 330 characters
     most_characters: ClassVar[int] = 400
     aside: ClassVar[re.Pattern[str]] = re.compile(r"\s*")
+    #: maximum bytes of a frame that its line does not mark as CAN FD; more than 8 are CAN FD without a mark
+    most_bytes: ClassVar[int] = _MOST_FD_BYTES
+
+    def match(self, text: str) -> re.Match[str] | None:
+        """The match of `line` with *text*; None for a longer text than `most_characters`."""
+        return self.line.fullmatch(text) if len(text) <= self.most_characters else None
 
     def is_in(self, lines: list[str]) -> bool:
         """Whether *lines*, the first of a file that are not empty, are of this format."""
-        return bool(lines) and self.line.fullmatch(lines[0]) is not None
+        return bool(lines) and self.match(lines[0]) is not None
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Return the file's lines."""
@@ -98,10 +106,12 @@ class PastedFormat(RecordingFormat):
             found = self.line.fullmatch(text)
             frame = None if found is None else self.frame(found, times)
             if frame is not None:
-                if not fits(frame.frame.can_id, extended=frame.frame.extended) or len(frame.frame.data) > 64:
+                length = len(frame.frame.data)
+                most_bytes = _MOST_FD_BYTES if frame.fd else self.most_bytes
+                if not fits(frame.frame.can_id, extended=frame.frame.extended) or length > most_bytes:
                     raise LostLineError(source.line, text)
                 channels.add(frame.channel)
-                yield frame
+                yield frame if frame.fd or length <= _MOST_BYTES else frame._replace(fd=True)
             elif found is None and not (is_fence(text) or self.is_aside(text, channels)):
                 raise LostLineError(source.line, text)
             elif found is None:
@@ -179,22 +189,29 @@ class CandumpScreen(PastedFormat):
         return not begins and super().is_aside(text, channels)
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
-        """The frame of a line; of -ta, -tz and -tA the time as printed, of -td counted from line to line."""
+        """The frame of a line; of -ta, -tz and -tA the time as printed, of -td counted from line to line.
+
+        candump prints the length of CAN FD frames with two digits.
+        """
         text = found["time"] or "0"
         time_s = float(text) if text.count("-") < 2 else datetime.fromisoformat(text).astimezone().timestamp()
         length = int(found["length"])
         frame = _frame(found, times.at(time_s), remote=bool(found["remote"]), length=length)
         if found["error"]:
             return RecordedFrame(frame._replace(can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
-        return RecordedFrame(frame, found["channel"], fd=length > 8)
+        return RecordedFrame(frame, found["channel"], fd=len(found["length"]) > 1)
 
 
 class CompactFrames(PastedFormat):
-    """Frames as `explain` and cansend take them, `705#05`, or as candump -L prints them, quoted or not."""
+    """Frames as `explain` and cansend take them, `705#05`, or as candump -L prints them, quoted or not.
+
+    Without a time a channel has a name such as can0: `send 705#05` is a command.
+    """
 
     title = "frames such as 705#05"
+    most_bytes = _MOST_BYTES
     line = re.compile(
-        r"\s*(?:\((?P<time>\d+\.\d+)\)\s+)?(?:(?P<channel>[^\s(#]+)\s+)?(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"
+        r"\s*(?:\((?P<time>\d+\.\d+)\)\s+)?(?:(?P<channel>(?(time)[^\s(#]+|[A-Z]+\d+))\s+)?(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"
         r"(?:R(?P<length>[0-8]?)|#[0-9A-F](?P<fd>(?:[0-9A-F]{2})*)|(?P<data>(?:[0-9A-F]{2}\.?)*))(?:\s+[RT])?", _FLAGS,
     )  # fmt: skip
 
@@ -232,7 +249,7 @@ class CandumpDeltas(PastedFormat):
 
     def is_in(self, lines: list[str]) -> bool:
         """Whether times go back, as those from line to line do, and are not of a clock."""
-        found = [match["time"] for match in map(self.line.fullmatch, lines) if match]
+        found = [match["time"] for match in map(self.match, lines) if match]
         times = [float(text) for text in found if text and text.count("-") < 2]
         goes_back = any(before > after for before, after in pairwise(times))
         return self._screen.is_in(lines) and goes_back and not _is_clock(times)
@@ -323,7 +340,7 @@ class PcanView(PastedFormat):
 
     title = "PCAN-View"
     line = re.compile(
-        r"\s*\d+(?:\)\s+(?P<whole>\d+)|\)?\s+(?P<time>\d+\.\d+))\s+(?:(?P<kind>DT|RR|ST|ER|EC|EV|FD|FB)\s+)?(?:\d\s+)?(?:(?P<way>[RT]x)\s+)?"
+        r"\s*\d+(?:\)\s+(?P<whole>\d+)|\)?\s+(?P<time>\d+\.\d+))\s+(?:(?P<kind>DT|RR|ST|ER|EC|EV|F[DBE]|BI)\s+)?(?:\d\s+)?(?:(?P<way>[RT]x)\s+)?"
         r"(?P<id>[0-9A-F]{8}|[0-9A-F]{4})\s+(?:[RT]x\s+)?(?:-\s+)?(?P<length>\d{1,2})"
         r"(?:\s+(?P<remote>RTR)|\s+" + _DATA[:-1] + r")?", _FLAGS,
     )  # fmt: skip
@@ -332,10 +349,11 @@ class PcanView(PastedFormat):
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
         """The frame of a line; its times are milliseconds, its length may be a code of CAN FD."""
         remote, length = bool(found["remote"]) or found["kind"] == "RR", int(found["length"])
-        if found["kind"] in ("FD", "FB") and len(bytes.fromhex(found["data"] or "")) == can.util.dlc2len(length):
+        fd = (found["kind"] or "").upper() in ("FD", "FB", "FE", "BI")
+        if fd and len(bytes.fromhex(found["data"] or "")) == can.util.dlc2len(length):
             length = can.util.dlc2len(length)
         time_s = float(found["time"] or found["whole"]) / 1000
-        return RecordedFrame(_frame(found, times.at(time_s), remote=remote, length=length))
+        return RecordedFrame(_frame(found, times.at(time_s), remote=remote, length=length), fd=fd)
 
 
 class PythonCanScreen(PastedFormat):

@@ -36,6 +36,8 @@ _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
 #: maximum size (bytes) of a file to read again without a damaged line
 _MOST_TRIED = 50_000_000
+#: maximum lines of words in front of the frames
+_MOST_WORDS = 5
 
 
 def read_recording(path: Path) -> Iterator[Frame]:
@@ -124,7 +126,7 @@ def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: 
     text = f"{place}: damaged after {plural(count, 'frame')}, or {said}"
     return InputFileError(
         text, why=_why(kind, source, wrong),
-        place=place, hint=_without(path, kind, line) if line else "",
+        place=place, hint=_without(path, kind, line, is_first=not count) if line else "",
     )  # fmt: skip
 
 
@@ -132,21 +134,36 @@ def _line(source: Any, wrong: Exception) -> int:
     return wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
 
 
-def _without(path: Path, kind: RecordingFormat, line: int) -> str:
-    """Try to read *path* without *line*; returns the result, or another damaged line."""
+def _without(path: Path, kind: RecordingFormat, line: int, *, is_first: bool) -> str:
+    """Try to read *path* without *line*; returns the result, or another damaged line.
+
+    *is_first*: no frame is before it. Then further lines may be words in front of the frames, as people paste them.
+    """
     if not path.is_file() or path.stat().st_size > _MOST_TRIED:
         return ""
     data = read_input(path, _MOST_TRIED, "recording that is tried")
     if (encoding := encoding_of(data)) == UTF_16:
         data = data.decode(encoding, "replace").encode()
     lines = data.splitlines(keepends=True)
-    source = kind.source(BufferedReader(BytesIO(b"".join((*lines[: line - 1], *lines[line:])))), path)
-    try:
-        has_frames = sum(not frame.error for frame in _all_in(kind, source)) > 0
-    except kind.broken as wrong:
-        other = _line(source, wrong)
-        return f"line {other + (other >= line)} is damaged, too" if other else ""
-    return f"without line {line} the rest of it can be read" if has_frames else ""
+    other, last = 0, line
+    for _ in range(_MOST_WORDS if is_first else 1):
+        count = 0
+        source = kind.source(BufferedReader(BytesIO(b"".join((*lines[: line - 1], *lines[last:])))), path)
+        try:
+            for frame in _all_in(kind, source):
+                count += not frame.error
+        except kind.broken as wrong:
+            damaged = _line(source, wrong)
+            if damaged >= line:
+                damaged += last - line + 1
+            other = other or damaged
+            if count or damaged <= last:
+                break
+            last = damaged
+        else:
+            left_out = f"line {line}" if last == line else f"lines {line} to {last}"
+            return f"without {left_out} the rest of it can be read" if count else ""
+    return f"line {other} is damaged, too" if other else ""
 
 
 def _why(kind: RecordingFormat, source: Any, wrong: Exception) -> str:

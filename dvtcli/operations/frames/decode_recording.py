@@ -16,7 +16,7 @@ from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.files.values.value_file import WholeFile, checked_form, is_value_file, next_part, read_values
 from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen
-from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.operations.frames.recorded import decoder_for, is_copy, shown_path
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.user.refused_options import refuse_options
 from dvtcli.watch.decoder import Misfits
@@ -102,7 +102,11 @@ def write_values(
     rows = SignalRows(decoder, text, reader_of(""), options.only)
     if text and len(rows.decoder) and not rows.columns:
         raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows its contents"))
-    if not rows.columns and not options.only and not _has_rows(path, SignalRows(decoder, text, reader_of("first"))):
+    if (
+        not rows.columns
+        and not options.only
+        and not _has_rows(session, path, SignalRows(decoder, text, reader_of("first")))
+    ):
         raise UsageError(
             "values of signals need a mapping, and none is known",
             hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
@@ -161,9 +165,12 @@ def _readers(
     return cache(lambda _channel: FrameReader(decoder, described))
 
 
-def _has_rows(path: Path, rows: SignalRows) -> bool:
-    """Whether a frame of the recording at *path* is one of *rows*; a damage behind it does not matter."""
-    return any(rows.values(recorded.frame) is not None for recorded in read_recorded(path) if not recorded.error)
+def _has_rows(session: SessionUser, path: Path, rows: SignalRows) -> bool:
+    """Whether a frame of the recording at *path* is one of *rows*; a damage behind it does not matter.
+
+    If there is none, a note counts the error and CAN FD frames.
+    """
+    return any(rows.values(recorded.frame) is not None for recorded in _classic_frames(session, path))
 
 
 def _seen(
@@ -243,7 +250,8 @@ def _classic_frames(session: SessionUser, path: Path) -> Iterator[RecordedFrame]
     left_out = [plural(count, f"{kind} frame") for count, kind in ((errors, "error"), (fd_frames, "CAN FD")) if count]
     if left_out:
         said = f"left out: {' and '.join(left_out)}"
-        session.reporter.note(Hint(Action.CHECK, {"file": path}, f"{said}; {{}} counts them") if errors else said)
+        is_checkable = errors and not is_copy(path)
+        session.reporter.note(Hint(Action.CHECK, {"file": path}, f"{said}; {{}} counts them") if is_checkable else said)
     if damage is not None:
         raise damage
 
@@ -289,16 +297,15 @@ def _matching(
     if not count:
         if not SignalRows(decoder, text).columns:
             raise _unnamed(text, path)
-        session.reporter.note(f"{path}: no frame in it carries a signal with {text!r} in its name")
+        session.reporter.note(f"{shown_path(path)}: no frame in it carries a signal with {text!r} in its name")
 
 
 def _unnamed(text: str, path: Path) -> UsageError:
     said = f"nothing in {path} has {text!r} in its name"
-    return UsageError(
-        said,
-        hint=Hint(Action.GIVE, {"filter": None}, "without {}")
-        + Hint(Action.DECODE, {"file": path}, ", {} shows its contents"),
-    )
+    hint = Hint(Action.GIVE, {"filter": None}, "without {}")
+    if not is_copy(path):
+        hint += Hint(Action.DECODE, {"file": path}, ", {} shows its contents")
+    return UsageError(said, hint=hint)
 
 
 def recorded_tracks(

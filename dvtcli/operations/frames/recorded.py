@@ -112,12 +112,19 @@ def _only_node(session: SessionUser, path: Path, file: Path, decoder: Decoder) -
 
 
 def _addresses(path: Path) -> set[Address]:
-    """Return the addresses of all frames at *path*, up to its damage, which is reported when they are decoded."""
-    from dvtcli.files.recordings.recording_file import read_recording
+    """Return the addresses of all frames at *path*, without error and CAN FD frames, up to its damage.
+
+    The damage is reported when the frames are decoded.
+    """
+    from dvtcli.files.recordings.recording_file import read_recorded
 
     found: set[Address] = set()
     with suppress(InputFileError):
-        found.update((frame.can_id, frame.extended) for frame in read_recording(path))
+        found.update(
+            (recorded.frame.can_id, recorded.frame.extended)
+            for recorded in read_recorded(path)
+            if not recorded.error and not recorded.fd
+        )
     return found
 
 
@@ -152,6 +159,20 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     return decoder
 
 
+#: the temporary copy of standard input, and the beginning of its folder's name
+_COPY, _FOLDER = "stdin", "dvtcli-"
+
+
+def is_copy(path: Path) -> bool:
+    """Tell whether *path* is the temporary copy by `standard_input`, which no later command can read."""
+    return path.name == _COPY and path.parent.name.startswith(_FOLDER)
+
+
+def shown_path(path: Path) -> str:
+    """Return *path* as messages name it: `stdin` for the copy by `standard_input`."""
+    return path.name if is_copy(path) else str(path)
+
+
 @contextmanager
 def standard_input(file: str) -> Iterator[Path]:
     """The path of *file*; of `-` a temporary copy of standard input, which a recording is read from twice.
@@ -161,8 +182,8 @@ def standard_input(file: str) -> Iterator[Path]:
     if file != "-":
         yield Path(file)
         return
-    with TemporaryDirectory(prefix="dvtcli-") as folder:
-        path = Path(folder) / "stdin"
+    with TemporaryDirectory(prefix=_FOLDER) as folder:
+        path = Path(folder) / _COPY
         with path.open("wb") as copy:
             copyfileobj(sys.stdin.buffer, copy)
         try:
