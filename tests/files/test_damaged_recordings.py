@@ -93,6 +93,14 @@ def test_a_line_that_is_no_frame_is_named(suffix: str, text: str, good: dict[str
         assert error.why == f"this line is not a frame: {text}"
 
 
+def test_a_first_line_without_the_time_that_others_have_is_no_frame(tmp_path: Path) -> None:
+    """Its time would be decades before theirs."""
+    path = tmp_path / "run.txt"
+    path.write_text("705#05\n(1700000000.0) can0 705#05\n", "ascii")
+    with pytest.raises(UsageError, match="no format is known by its content"):
+        list(read_recorded(path))
+
+
 @pytest.mark.parametrize("suffix", TEXT)
 def test_events_of_other_kinds_are_no_damage(suffix: str, good: dict[str, bytes], tmp_path: Path) -> None:
     lines, at = lines_of(good[suffix])

@@ -215,6 +215,11 @@ class CompactFrames(PastedFormat):
         r"(?:R(?P<length>[0-8]?)|#[0-9A-F](?P<fd>(?:[0-9A-F]{2})*)|(?P<data>(?:[0-9A-F]{2}\.?)*))(?:\s+[RT])?", _FLAGS,
     )  # fmt: skip
 
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether the first of *lines* is a frame; without a time only if no line has a time, else it is damaged."""
+        times = [found["time"] for found in map(self.match, lines) if found is not None]
+        return super().is_in(lines) and (times[0] is not None or not any(times))
+
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
         """The frame of a line; a line without a time has that of the line before."""
         digits, length = found["id"], found["length"]
