@@ -246,15 +246,15 @@ def test_bytes_that_are_no_text_are_not_printed(tmp_path: Path) -> None:
     assert raised.value.why == "this line is not a frame, nor text"
 
 
-@pytest.mark.parametrize("before", ["", "can0 ", "(1.0) can0 "])
+@pytest.mark.parametrize("before", ["", "can0 ", "> (1.0) can0 "])
 def test_more_than_eight_bytes_without_the_mark_of_can_fd_are_no_frame(before: str, tmp_path: Path) -> None:
     """cansend and `explain` refuse them, too."""
     path = tmp_path / "run.txt"
-    path.write_text(f"705#05\n{before}181#112233445566778899\n", "ascii")
+    path.write_text(f"{before}705#05\n{before}181#112233445566778899\n", "ascii")
     with pytest.raises(InputFileError, match="damaged after 1 frame") as failed:
         list(read_recorded(path))
     assert (failed.value.place, failed.value.why) == (
-        f"{path}:2", f"this line is not a frame: {before}181#112233445566778899",
+        f"{path}:2", f"this line is not a frame: {before.removeprefix('> ')}181#112233445566778899",
     )  # fmt: skip
 
 

@@ -510,7 +510,7 @@ def test_a_length_of_pcan_view_may_be_a_code_of_can_fd(tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
     lines = (f"{n:7d} {n:13.3f} FD     0181 Rx {said:2d}  {'11 ' * 12}" for n, said in enumerate((9, 12), 1))
     path.write_text("\n".join(lines), "ascii")
-    assert [len(frame.data) for frame in read_recording(path)] == [12, 12]
+    assert [len(recorded.frame.data) for recorded in read_recorded(path)] == [12, 12]
 
 
 _NINE = bytes(range(9, 18)).hex(" ").upper()

@@ -41,8 +41,8 @@ _MOST_WORDS = 5
 
 
 def read_recording(path: Path) -> Iterator[Frame]:
-    """Iterate over the frames of *path* in order, without error frames; raises as `read_recorded`."""
-    return (frame.frame for frame in read_recorded(path) if not frame.error)
+    """Iterate over the frames of *path* in order, without error and CAN FD frames; raises as `read_recorded`."""
+    return (frame.frame for frame in read_recorded(path) if not frame.error and not frame.fd)
 
 
 def read_recorded(path: Path) -> Iterator[RecordedFrame]:

@@ -116,15 +116,11 @@ def _addresses(path: Path) -> set[Address]:
 
     The damage is reported when the frames are decoded.
     """
-    from dvtcli.files.recordings.recording_file import read_recorded
+    from dvtcli.files.recordings.recording_file import read_recording
 
     found: set[Address] = set()
     with suppress(InputFileError):
-        found.update(
-            (recorded.frame.can_id, recorded.frame.extended)
-            for recorded in read_recorded(path)
-            if not recorded.error and not recorded.fd
-        )
+        found.update((frame.can_id, frame.extended) for frame in read_recording(path))
     return found
 
 
