@@ -38,7 +38,7 @@ USUAL_CAUSES: dict[int, Hint | str] = {
     0x0800_0000: Hint(Action.SHOW_FAULTS, why="usually a wrong state, or a missing login: {} may show the cause"),
     0x0800_0020: "usually a wrong signature, or the device cannot store now",
     0x0800_0021: "the device is operated locally: switch it to remote",
-    0x0800_0022: "usually the device needs PRE-OPERATIONAL, or its power stage off",
+    0x0800_0022: "usually the device needs another NMT state, often PRE-OPERATIONAL, or its power stage off",
     0x0800_0023: "usually the device is not configured, or in its boot loader",
     0x0800_0024: "the value does not exist yet",
 }
