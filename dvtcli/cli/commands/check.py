@@ -66,7 +66,7 @@ def command(
     check press.yaml
     check press.yaml bus.yml
     check line.yaml --strict --format github
-    check line.yaml --rule unbounded-event-pdo --rule too-late
+    check line.yaml --rule unbounded-event-pdo --rule one-producer
     check --live --for 1s      the nodes on the bus, and the received frames, as in a recording
     check press.yaml --live    and compare them with the file
     check run.log -d press.yaml
