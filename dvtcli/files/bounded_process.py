@@ -43,15 +43,7 @@ _WAIT_S = 0.1
 
 def child_command(module: str) -> list[str]:
     """Return the command line for `main` of *module* in this Python, isolated from environment and folder."""
-    return [
-        *python_words(),
-        "-I",
-        "-S",
-        *(["-B"] if sys.dont_write_bytecode else []),
-        "-c",
-        _BOOT.format(module),
-        *map(os.path.abspath, sys.path),
-    ]
+    return [*python_words(), "-I", "-S", "-c", _BOOT.format(module), *map(os.path.abspath, sys.path)]
 
 
 class BoundedProcess:
