@@ -30,7 +30,7 @@ USUAL_CAUSES: dict[int, Hint | str] = {
     0x0607_0012: Hint(Action.READ, why="usually the object is shorter than in the EDS: {} shows its length"),
     0x0607_0013: Hint(Action.READ, why="usually the object is longer than in the EDS: {} shows its length"),
     0x0609_0011: "usually an array that is shorter in this firmware; in text, sub-indices are hexadecimal",
-    0x0609_0030: "usually out of range, or of a PDO that was not disabled first (dvtcli disables it)",
+    0x0609_0030: "usually out of range; many devices also answer so if the PDO of a parameter is not disabled first",
     0x0609_0031: "above the object's upper limit, which the device's manual or EDS gives",
     0x0609_0032: "below the object's lower limit, which the device's manual or EDS gives",
     0x0609_0036: "write the other limit first",

@@ -69,7 +69,7 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
 #: bytes of a file that are looked at, its lines, and characters of the first line
 _MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 65_536, 200, 400
 #: a line of words in front of a log, as people paste them, and how many lines there may be
-_WORDS, _MOST_WORDS = re.compile(r"\s*[^\W\d_]{2}"), 5
+_WORDS, MOST_WORDS = re.compile(r"\s*[^\W\d_]{2}"), 5
 #: beginnings of the formats with a suffix of their own
 _BEGINNINGS = {
     b"LOGG": ".blf", b"MDF     ": ".mf4", b"\x0a\x0d\x0d\x0a": ".pcapng", b"\xd4\xc3\xb2\xa1": ".pcap",
@@ -185,6 +185,6 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
     other = next((name for pattern, name in _OTHER_LINES if pattern.fullmatch(first)), None)
     if other is not None:
         return other
-    words = list(takewhile(_WORDS.match, lines[:_MOST_WORDS]))  # the reader names the first of them
+    words = list(takewhile(_WORDS.match, lines[:MOST_WORDS]))  # the reader names the first of them
     behind = lines[len(words) :] if words else []
     return next((format_ for format_ in PASTED if format_.is_in(behind)), None)

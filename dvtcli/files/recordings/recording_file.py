@@ -17,7 +17,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
-from dvtcli.files.recordings.formats import format_of, formats, recognised, written
+from dvtcli.files.recordings.formats import MOST_WORDS, format_of, formats, recognised, written
 from dvtcli.files.recordings.recording_format import (
     UTF_16,
     CountedLines,
@@ -36,8 +36,6 @@ _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
 #: maximum size (bytes) of a file to read again without a damaged line
 _MOST_TRIED = 50_000_000
-#: maximum lines of words in front of the frames
-_MOST_WORDS = 5
 
 
 def read_recording(path: Path) -> Iterator[Frame]:
@@ -146,7 +144,7 @@ def _without(path: Path, kind: RecordingFormat, line: int, *, is_first: bool) ->
         data = data.decode(encoding, "replace").encode()
     lines = data.splitlines(keepends=True)
     other, last = 0, line
-    for _ in range(_MOST_WORDS if is_first else 1):
+    for _ in range(MOST_WORDS if is_first else 1):
         count = 0
         source = kind.source(BufferedReader(BytesIO(b"".join((*lines[: line - 1], *lines[last:])))), path)
         try:

@@ -11,7 +11,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReports, FileRule
-from dvtcli.operations.results.checks import rules_among
+from dvtcli.operations.results.checks import asked_rules, rules_among
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint import LintRule
@@ -99,10 +99,6 @@ def _one_of_many(
 _UNREADABLE = FileRule("unreadable", "error", "the file cannot be read as an EDS, DCF, XDD or XDC", "CiA 306, CiA 311")
 
 
-def _asked(rule: LintRule) -> FileRule:
-    return FileRule(rule.name, str(rule.severity), rule.sense, rule.source)
-
-
 def report(
     file: str, eds: DeviceFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
 ) -> FileReport:
@@ -113,7 +109,7 @@ def report(
         FileFinding(finding.line, str(finding.severity), finding.rule, finding.object, finding.text, *columns)
         for finding, columns in lint_device_file(eds, Path(file).name, {rule.name for rule in rules}, profile)
     )
-    asked = tuple(map(_asked, rules))
+    asked = asked_rules(rules)
     return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), asked, findings, strict)
 
 

@@ -16,10 +16,10 @@ from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.checks import (
-    FileRule,
     RecordingFinding,
     RecordingReport,
     RecordingsChecked,
+    asked_rules,
     judged_rules,
     rules_among,
 )
@@ -142,7 +142,7 @@ def _report_anyway(session: SessionNodes, file: str, known: _Known, rules: tuple
             int(line) if line.isdecimal() else 1, "error", UNREADABLE.name, "",
             f"{text}: {failed.why}" if failed.why else text,
         )  # fmt: skip
-        return RecordingReport(file, _asked((UNREADABLE,)), (finding,), unread=failed.exit_code)
+        return RecordingReport(file, asked_rules((UNREADABLE,)), (finding,), unread=failed.exit_code)
 
 
 def _report(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
@@ -190,14 +190,9 @@ def _report_of(
         node_id for node_id in known.node_ids if not any(check.has_sent(node_id) for check in checks.values())
     )
     return RecordingReport(
-        file, _asked(rules), findings, number, first_s, last_s, unseen=unseen,
+        file, asked_rules(rules), findings, number, first_s, last_s, unseen=unseen,
         described=len(known.node_ids),
     )  # fmt: skip
-
-
-def _asked(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
-    """Return *rules* as a report names them."""
-    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
 def _of_network(

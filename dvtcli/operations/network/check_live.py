@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.check.check_bus import CHECKS_OF_BIT_RATE
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.objects import BOOT_TIME, DEVICE_TYPE, IDENTITY, NMT_STARTUP
@@ -18,7 +19,6 @@ from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.check_networks import (
     CheckOptions,
-    asked_rules,
     check_networks,
     chosen_rules,
     findings_of,
@@ -28,7 +28,7 @@ from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.live_network import live_state, received_traffic, refuse_without_bus
 from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
 from dvtcli.operations.plans.read_network_config import read_network_config
-from dvtcli.operations.results.checks import NetworkFinding, NetworkReport, NetworksChecked
+from dvtcli.operations.results.checks import NetworkFinding, NetworkReport, NetworksChecked, asked_rules, judged_rules
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording_checks.frame_problems import DEFAULT_LENGTH, LENGTH, NOT_SENT
@@ -129,22 +129,20 @@ def check_live(
         heard=_received(traffic),
     )
     against = [_against(file, state, live, options, bit_rate) for file, state in networks.items()]
-    return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
+    return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against if report.rules)))
 
 
 def _judged(rules: Sequence[LintRule], options: CheckOptions, bit_rate: int | None) -> tuple[LintRule, ...]:
-    """Return *rules* without those about recordings that the frames alone do not decide.
+    """Return *rules* without those that need the bit rate or a file, if these are unknown.
 
     Raises UsageError if *options* name one of these, or if no rule is left.
     """
-    unjudged = dict(_NEED_A_FILE)
-    if bit_rate is None:
-        unjudged[LOAD.name] = "the bit rate is unknown"
-    judged = tuple(rule for rule in rules if rule.name not in unjudged)
+    rules = judged_rules(rules, options.only, {LOAD.name, *CHECKS_OF_BIT_RATE}, bit_rate)
+    judged = tuple(rule for rule in rules if rule.name not in _NEED_A_FILE)
     for rule in rules:
-        if rule.name in unjudged and (rule.name in options.only or not judged):
+        if rule.name in _NEED_A_FILE and (rule.name in options.only or not judged):
             raise UsageError(
-                f"rule {rule.name} is not judged on a running bus: {unjudged[rule.name]}",
+                f"rule {rule.name} is not judged on a running bus: {_NEED_A_FILE[rule.name]}",
                 hint="leave this rule out",
             )
     return judged

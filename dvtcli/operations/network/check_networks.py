@@ -15,10 +15,10 @@ from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import described_network, library_match, unknown_names
 from dvtcli.operations.plans.read_network_config import eds_of, read_network_config, skipped_rules
 from dvtcli.operations.results.checks import (
-    FileRule,
     NetworkFinding,
     NetworkReport,
     NetworksChecked,
+    asked_rules,
     judged_rules,
     rules_among,
 )
@@ -121,11 +121,6 @@ def rules_of_changes() -> tuple[Rule, ...]:
         possible_stores, resolve_names, resolve_links, read_network_config, plan_network,
     )  # fmt: skip
     return tuple(rule for file in files for rule in file.RULES)
-
-
-def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
-    """*rules* as an answer names them."""
-    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
 def _report(

@@ -372,6 +372,11 @@ def rules_among(
     return chosen
 
 
+def asked_rules(rules: Iterable[LintRule]) -> tuple[FileRule, ...]:
+    """Return *rules* as a report names them."""
+    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
+
+
 def judged_rules(
     rules: Sequence[LintRule], only: Collection[str], of_bit_rate: Collection[str], bit_rate: int | None
 ) -> tuple[LintRule, ...]:

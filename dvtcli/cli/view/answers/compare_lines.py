@@ -69,8 +69,6 @@ def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
 
 #: number of bytes to show of a long value
 _MOST_SHOWN = 8
-#: unsigned objects to show in hexadecimal: COB-IDs and mapping entries, identities, device types
-_IN_HEX = COMMUNICATION_AREA
 
 
 def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
@@ -142,4 +140,5 @@ def value_text(one: ObjectDifference, data: bytes | None) -> str:
 
 
 def _is_word(one: ObjectDifference, data: bytes) -> bool:
-    return len(data) == 4 and int(one.object[:4], 16) in _IN_HEX
+    """Whether a value is shown in hexadecimal: a COB-ID, a mapping entry, an identity, a device type."""
+    return len(data) == 4 and int(one.object[:4], 16) in COMMUNICATION_AREA

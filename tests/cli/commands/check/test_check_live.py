@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from dvtcli.domain.network.check.check_bus import CHECKS_OF_BIT_RATE
+from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.network.check_live import check_live
 from dvtcli.operations.network.check_networks import CheckOptions
@@ -102,17 +104,16 @@ def test_what_is_heard_in_a_given_time_is_judged_as_a_recording() -> None:
 
 @pytest.mark.parametrize("rate", [125_000, None])
 def test_rules_that_cannot_be_judged_are_not_called_checked(rate: int | None) -> None:
-    unjudged = {"pdo-other-length", "pdo-other-than-default", "rpdo-not-sent"} | (
-        {"bus-load"} if rate is None else set()
-    )
+    of_files = {"pdo-other-length", "pdo-other-than-default", "rpdo-not-sent"}
+    of_bit_rate: set[str] = {"bus-load", *CHECKS_OF_BIT_RATE} if rate is None else set()
     with Bench((), {"sim": (), "yes": True, "bitrate": rate}, _bus("gen4@1")) as bench:
         (asked,) = check_live(bench.session, CheckOptions(for_s=3)).reports
         names = {rule.name for rule in asked.rules}
-        assert {rule.name for rule in RECORDING_RULES} - names == unjudged
-        for name in unjudged:
+        assert {rule.name for rule in (*RECORDING_RULES, *NETWORK_RULES)} - names == of_files | of_bit_rate
+        for name in of_files | of_bit_rate:
             ran = bench.run(f"check --live --for 3 --rule {name} --rule restarts")
-            said = f"rule {name} is not judged on a running bus" in " ".join(ran.stderr.split())
-            assert (ran.code, said) == (2, True), ran
+            said = "cannot be judged: the bit rate" if name in of_bit_rate else "is not judged on a running bus"
+            assert (ran.code, f"rule {name} {said}" in " ".join(ran.stderr.split())) == (2, True), ran
 
 
 @heavy

@@ -37,3 +37,18 @@ def test_of_a_file_that_cannot_be_read_no_other_rule_passed(name: str, tmp_path:
     done = dvtcli("check", name, "--format", "junit", cwd=tmp_path)
     assert done.returncode in (2, 4)
     assert re.search(r'<testsuites tests="1" failures="1"', done.stdout), done.stdout
+
+
+@pytest.mark.parametrize("rule", ["too-late", "bus-overload"])
+def test_on_a_bus_of_an_unknown_bit_rate_such_a_rule_is_refused_too(rule: str) -> None:
+    done = dvtcli("--sim", "gen4", "check", "--rule", rule)
+    assert (done.returncode, f"rule {rule} cannot be judged: the bit rate is unknown" in done.stderr) == (2, True)
+    assert not done.stdout
+    done = dvtcli("--sim", "gen4", "-b", "500000", "check", "--rule", rule)
+    assert (done.returncode, "no error" in done.stdout) == (0, True), done.stderr
+
+
+def test_a_file_is_not_called_compared_with_a_bus_by_rules_that_compare_nothing() -> None:
+    words = ("--sim", "gen4@1", "--sim", "generic@5", "-b", "500000", "check", str(LINE), "--live", "--rule")
+    assert "against sim" not in dvtcli(*words, "too-late").stdout
+    assert "against sim" in dvtcli(*words, "identity").stdout
