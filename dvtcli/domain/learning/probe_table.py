@@ -42,9 +42,7 @@ def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
         return None if taken == 0xFFFF else 0xFFFF
     if taken < 0:
         return _SHORT if _SHORT not in values else None
-    if above - taken <= 1:
-        return None
-    return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
+    return (taken + above) // 2 if above - taken > 1 else None
 
 
 #: Probed transmission types: the ends of the standard's ranges, and values between.
