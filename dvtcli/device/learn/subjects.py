@@ -210,31 +210,35 @@ def _varied(node: NodeDescription, entries: Sequence[PdoMappingEntry]) -> list[P
 def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[PdoMappingEntry]:
     """The mappable objects in the file; those for this direction only before those for both."""
     wanted = FEEDS_TPDO if direction is Direction.TPDO else TAKES_RPDO
-    entries = [entry for entry in _marked(dictionary) if entry.access in wanted]
-    for entry in sorted(entries, key=lambda mappable: mappable.access in FEEDS_TPDO & TAKES_RPDO):
-        yield PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
+    objects = [(entry.access, mapping) for entry, mapping in _marked(dictionary) if entry.access in wanted]
+    for _, mapping in sorted(objects, key=lambda mappable: mappable[0] in FEEDS_TPDO & TAKES_RPDO):
+        yield mapping
 
 
-def _marked(dictionary: ObjectDictionary) -> Iterator[OdEntry]:
-    """Objects of known length marked as mappable in the file, without communication parameters."""
-    for entry in dictionary.entries():
-        if entry.pdo_mapping and entry.bits in _LENGTHS and entry.index >= 0x2000:
-            yield entry
+def _marked(dictionary: ObjectDictionary) -> Iterator[tuple[OdEntry, PdoMappingEntry]]:
+    """Objects of a tried length marked as mappable in the file, without communication parameters."""
+    return _whole(entry for entry in dictionary.entries() if entry.pdo_mapping and entry.index >= 0x2000)
+
+
+def _whole(entries: Iterable[OdEntry]) -> Iterator[tuple[OdEntry, PdoMappingEntry]]:
+    """The *entries* of a tried length, each with the mapping entry of the whole object."""
+    for entry in entries:
+        if entry.bits in _LENGTHS:
+            yield entry, PdoMappingEntry(entry.index, entry.sub_index, entry.bits)
 
 
 def _by_access(dictionary: ObjectDictionary) -> dict[str, tuple[PdoMappingEntry, ...]]:
-    found: dict[str, list[OdEntry]] = {}
-    for entry in _marked(dictionary):
-        found.setdefault(str(entry.access), []).append(entry)
-    return {access: _one_of_each(entries) for access, entries in found.items()}
+    found: dict[str, list[tuple[OdEntry, PdoMappingEntry]]] = {}
+    for entry, mapping in _marked(dictionary):
+        found.setdefault(str(entry.access), []).append((entry, mapping))
+    return {access: _one_of_each(objects) for access, objects in found.items()}
 
 
-def _one_of_each(entries: Iterable[OdEntry]) -> tuple[PdoMappingEntry, ...]:
-    """The first of *entries* per length and kind, in order."""
-    found: dict[tuple[int | None, Kind | None], PdoMappingEntry] = {}
-    for entry in entries:
-        mapping = PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
-        found.setdefault((entry.bits, None if entry.data_type is None else entry.data_type.kind), mapping)
+def _one_of_each(objects: Iterable[tuple[OdEntry, PdoMappingEntry]]) -> tuple[PdoMappingEntry, ...]:
+    """The first of *objects* per length and kind, in order."""
+    found: dict[tuple[int, Kind | None], PdoMappingEntry] = {}
+    for entry, mapping in objects:
+        found.setdefault((mapping.bits, None if entry.data_type is None else entry.data_type.kind), mapping)
     return tuple(found.values())
 
 
@@ -251,12 +255,8 @@ def _features(dictionary: ObjectDictionary, objects: Iterable[PdoMappingEntry]) 
 def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> tuple[PdoMappingEntry, ...]:
     """Objects with the right access but marked as not mappable, one per length and kind."""
     wanted = FEEDS_TPDO if pdo.is_tpdo else TAKES_RPDO
-    entries = (
-        entry
-        for entry in dictionary.entries()
-        if entry.pdo_mapping is False and entry.access in wanted and entry.bits in _LENGTHS
-    )
-    return _one_of_each(entries)
+    entries = (entry for entry in dictionary.entries() if entry.pdo_mapping is False and entry.access in wanted)
+    return _one_of_each(_whole(entries))
 
 
 def _absent(node: ReadableNode) -> int:

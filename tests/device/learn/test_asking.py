@@ -9,7 +9,17 @@ import pytest
 from dvtcli.device.learn.probing import Asking
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.learning.probe import Probe, ProbedPdo, ProbeWrite, Stand
+from dvtcli.domain.learning.conclusions import most_writes
+from dvtcli.domain.learning.probe import (
+    IN_PRE_OPERATIONAL,
+    Probe,
+    ProbeAnswer,
+    ProbedPdo,
+    ProbeWrite,
+    Stand,
+    while_operational,
+)
+from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary
@@ -171,6 +181,25 @@ def test_no_more_is_written_than_was_announced_and_each_is_told() -> None:
     with pytest.raises(SafetyRefusal, match="node 1 was written 3 times, the announced maximum"):
         one.ask(probe(Stand.EMPTY, (COUNT, b"\0")))
     assert (len(channel.writes), told, one.writes) == (3, [1, 2, 3], 3)
+
+
+def test_what_refuses_in_each_state_is_written_no_more_than_was_announced() -> None:
+    """Both the COB-ID and an entry, after a count that is taken, twice in OPERATIONAL and twice in PRE-OPERATIONAL."""
+    one, channel = asking()
+    channel.moods = {place: [NO] * 4 for place in (COB_ID, ENTRY)}
+    one.subject = replace(one.subject, parameters={}, entries=(), fits=())
+    first = while_operational(one.subject)
+    answers = {probe.name: one.ask(probe) for probe in first}
+    known = KnownAnswers(one.subject, answers)
+    while probes := next_probes(known):
+        for probe in probes:
+            again = probe.name.endswith(IN_PRE_OPERATIONAL)
+            answers[probe.name] = one.ask(probe) if again else ProbeAnswer(probe, None)
+    assert [write[:2] for write in channel.writes] == [
+        COB_ID, COB_ID, COUNT, COUNT, ENTRY, ENTRY,
+        COB_ID, COB_ID, COUNT, ENTRY, ENTRY,
+    ]  # fmt: skip
+    assert len(channel.writes) <= most_writes(one.subject, first)
 
 
 @pytest.mark.parametrize(

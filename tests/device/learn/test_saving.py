@@ -9,6 +9,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from dvtcli.device.learn.saving import read_storage
+from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import NoAnswer
@@ -26,7 +28,9 @@ from tests.device.learn.questions import Question, put
 from tests.device.learn.test_consent import sent
 from tests.device.learn.test_learnt_families import booted
 from tests.device.learn.virtual import VirtualWire
+from tests.device.test_reading_and_storing import Table
 from tests.harness.sample import heavy
+from tests.laws.bench import NODE, DirectBus
 from tests.virtual_time import VirtualTimeBus
 
 SAVE = int.from_bytes(b"save", "little")
@@ -61,6 +65,13 @@ def test_it_is_told_to_save_once_wrongly_and_once_rightly(ran: tuple[Ran, list[b
     assert said["wrong_signature"] == 0x08000020
     assert (said["save_answer"], said["store_capability"]) == (0, 1)
     assert {row["key"]: row["value"] for row in answered.document["profile"]}["store.sub_indices"] == [1]
+
+
+def test_what_sub_indices_1_to_4_say_is_read() -> None:
+    """CiA 301, 7.5.2.13: all parameters, those of communication, those of the application, the maker's own."""
+    table = Table({(0x1010, sub): bytes([sub, 0, 0, 0]) for sub in range(6)} | {(0x1011, 2): b"\1\0\0\0"})
+    storage = read_storage(Node(DirectBus(made(), table), NODE))
+    assert (storage.save, storage.load) == ({1: 1, 2: 2, 3: 3, 4: 4}, {2: 1})
 
 
 def test_what_is_saved_is_what_it_was_found_with(ran: tuple[Ran, list[bytes], StrictDevice]) -> None:

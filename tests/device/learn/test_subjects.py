@@ -154,3 +154,25 @@ def test_what_is_mapped_comes_before_what_the_file_names() -> None:
     names = described(mappable(0x2001, Access.RO), mappable(0x6041, Access.RO))
     (subject,) = asked(device_of((ON, 1)), names)
     assert [str(fit) for fit in subject.fits] == ["6041:00/16", "2001:00/16"]
+
+
+@pytest.mark.parametrize(
+    ("in_file", "in_device", "absent"),
+    [((), (), 0x5FFE), ((0x5FFE,), (), 0x5FFD), ((), (0x5FFE, 0x5FFD), 0x5FFC), ((0x5FFD,), (0x5FFE,), 0x5FFC)],
+)
+def test_a_missing_object_is_in_neither_file_nor_device(
+    in_file: tuple[int, ...], in_device: tuple[int, ...], absent: int
+) -> None:
+    table = device_of((OFF, 0), values={(index, 0): bytes(2) for index in in_device})
+    (subject,) = asked(table, described(*(mappable(index, Access.RO) for index in in_file)))
+    assert subject.absent == absent
+    if not in_file:
+        (subject,) = asked(table)
+        assert subject.absent == absent
+
+
+def test_without_a_file_what_is_not_mappable_is_so_by_the_standard() -> None:
+    """A TPDO does not send the vendor-ID, UNSIGNED32, nor does an RPDO set the heartbeat's time, UNSIGNED16."""
+    rpdo = {(0x1400, 1): can_id(OFF | 0x201), (0x1600, 0): b"\0", (0x1600, 1): bytes(4)}
+    unmappable = [str(entry) for subject in asked(device_of((OFF, 0), values=rpdo)) for entry in subject.unmappable]
+    assert unmappable == ["1018:01/32", "1017:00/16"]
