@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.user.options import BIT_RATES, CHOICES, checked
+from dvtcli.operations.user.options import CHOICES, checked
 
 #: Beginning of the names of variables for options.
 VARIABLES = "DVTCLI_"
@@ -24,25 +24,10 @@ def global_options(*, hidden: bool) -> list[click.Option]:
     return [_option(names, dict(settings), hidden=hidden) for names, settings in _TABLE]
 
 
-class _BitRate(click.IntRange):
-    """A bit rate in bit/s; says so to who writes kbit/s."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        text = str(value)
-        if text.isdecimal() and int(text) < BIT_RATES[0] <= int(text) * 1000 <= BIT_RATES[-1]:
-            self.fail(f"{text} is not a bit rate in bit/s; did you mean {text}000 ({text} kbit/s)?", param, ctx)
-        rate: int = super().convert(value, param, ctx)
-        return rate
-
-
-_RATE = _BitRate(BIT_RATES[0], BIT_RATES[-1])
 _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("-i", "--interface"), {"metavar": "NAME", "help": "CAN interface, by python-can's name (socketcan, pcan, …)."}),
     (("-c", "--channel"), {"metavar": "NAME", "help": "Channel of the interface (can0, PCAN_USBBUS1, …)."}),
-    (
-        ("-b", "--bitrate"),
-        {"type": _RATE, "metavar": "BIT/S", "help": "Bit rate in bit/s."},
-    ),
+    (("-b", "--bitrate"), {"metavar": "BIT/S", "help": "Bit rate in bit/s: 250000, or 250k."}),
     (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "Further python-can keys; repeatable."}),
     (("--bus",), {"metavar": "NAME", "help": "Bus from the table [bus.NAME] of a settings file."}),
     (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5-9, or all."}),

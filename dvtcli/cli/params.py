@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem
 from dvtcli.cli.global_options import NEGATIVE_MARK
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.errors import UsageError
-from dvtcli.operations.user.options import BIT_RATES
+from dvtcli.operations.user.options import bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
@@ -271,12 +271,11 @@ class BitRateType(CanopenType):
     name = "bit/s"
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
-        """Return the bit rate. Raises ValueError if no bus supports it."""
-        rate = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
-        if rate not in BIT_RATES:
-            near = f"; did you mean {rate * 1000} ({rate} kbit/s)?" if rate * 1000 in BIT_RATES else ""
-            raise ValueError(f"{text!r} is not a bit rate of {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s{near}")
-        return rate
+        """Return the bit rate in bit/s of `250000`, `250k` or `1M`. Raises ValueError if no bus supports it."""
+        try:
+            return bit_rate(text)
+        except UsageError as wrong:
+            raise ValueError(str(wrong)) from None
 
 
 class PeriodType(CanopenType):

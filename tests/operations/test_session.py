@@ -138,6 +138,9 @@ def test_which_node_is_meant_must_be_said() -> None:
     [
         ({"bitrate": 12}, "bit rates are 1000…1000000 bit/s"),
         ({"bitrate": "fast"}, "'fast' is not a bit rate"),
+        ({"bitrate": "250"}, "did you mean 250k?"),
+        ({"bitrate": "2M"}, "'2M' is not a bit rate"),
+        ({"bitrate": "k"}, "'k' is not a bit rate"),
         ({"timeout": 0}, "a time-out is 0.001…600 seconds"),
         ({"node": 128}, "node-IDs are 1…127"),
         ({"format": "xml"}, "'xml' is not one of 'text', 'json', 'jsonl'"),
@@ -153,6 +156,15 @@ def test_options_are_checked_before_a_bus_is_touched(given: dict[str, object], s
 def test_options_are_taken_as_a_command_line_takes_them() -> None:
     given = {"node": "0x10", "bitrate": "500000", "timeout": "0.2", "sim": ["gen4"], "channel": 0, "dry_run": True}
     assert options_of(given) == Options(node=16, bitrate=500_000, timeout=0.2, sim=("gen4",), channel="0", dry_run=True)
+
+
+@pytest.mark.parametrize(
+    ("typed", "rate"),
+    [("250000", 250_000), (250_000, 250_000), ("250k", 250_000), ("250K", 250_000), ("1M", 1_000_000),
+     ("125 kbit/s", 125_000), ("83333", 83_333)],
+)  # fmt: skip
+def test_a_bit_rate_is_written_in_bits_or_thousands_of_bits(typed: object, rate: int) -> None:
+    assert options_of({"bitrate": typed}).bitrate == rate
 
 
 @heavy

@@ -12,6 +12,7 @@ from dvtcli.cli.params import NODE_ID, TEXT, NumberType
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.errors import UsageError
+from dvtcli.operations.user.options import bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound
@@ -110,12 +111,7 @@ def rate_and_file(words: tuple[str, ...]) -> tuple[int, str | None]:
     """Return the bit rate (bit/s), written `500k` or `500000`, and the network file after it if given."""
     if not 1 <= len(words) <= 2:
         raise UsageError("lss bitrate takes a bit rate and, optionally, a network file", hint="lss bitrate 500k")
-    digits = words[0].lower().removesuffix("bit/s").strip()
-    factor = {"k": 1_000, "m": 1_000_000}.get(digits[-1:], 1)
-    number = digits if factor == 1 else digits[:-1]
-    if not (number.isascii() and number.isdigit() and len(number) <= 7):
-        raise UsageError(f"{words[0]!r} is not a bit rate", hint="lss bitrate 500k, or 500000; 1M")
-    return int(number) * factor, words[1] if len(words) == 2 else None
+    return bit_rate(words[0]), words[1] if len(words) == 2 else None
 
 
 def _node_id(word: str) -> int:

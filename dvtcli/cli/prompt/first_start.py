@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.cancellation import INTERRUPTED
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.operations.user.change_settings import trust_settings
+from dvtcli.operations.user.options import bit_rate
 from dvtcli.operations.user.settings import NAME, why_unusable
 
 if TYPE_CHECKING:
@@ -90,11 +91,11 @@ def _bus(session: Conversation, chosen: FoundInterface) -> Choice | None:
         answer = _answer(session, f"Bit rate of the network in bit/s? [{USUAL_BIT_RATE}]")
         if answer is None:
             return None
-        number = USUAL_BIT_RATE if answer == "" else int(answer) if answer.isdecimal() and answer.isascii() else 0
-        if 1_000 <= number <= 1_000_000:
-            choice["bitrate"] = number
+        try:
+            choice["bitrate"] = bit_rate(answer or USUAL_BIT_RATE)
             break
-        session.output.lines(["1000 to 1000000, please: 125000, 250000, 500000 and 1000000 are usual"])
+        except UsageError as wrong:
+            session.output.lines([wrong.text, "125k, 250k, 500k and 1M are usual"])
     return choice
 
 

@@ -135,7 +135,7 @@ def checked(name: str, value: Any) -> Any:
     if name == "bus_share":
         return _percent(value)
     if name == "bitrate":
-        return _bitrate(value)
+        return bit_rate(value)
     if name in ("bus_kwargs", "modules"):
         return tuple(map(_pair if name == "bus_kwargs" else _modules, value))
     if name == "journal":
@@ -193,13 +193,17 @@ def node_id(text: str) -> int:
     return value
 
 
-def _bitrate(value: Any) -> int:
-    try:
-        rate = int(value)
-    except ValueError:
-        rate = -1
+def bit_rate(value: int | str) -> int:
+    """Return a bit rate in bit/s, given as such, as `250k` or as `1M`; UsageError if no bus runs at it."""
+    text = str(value).strip().lower().removesuffix("bit/s").rstrip()
+    factor = {"k": 1_000, "m": 1_000_000}.get(text[-1:], 1)
+    digits = text if factor == 1 else text[:-1].rstrip()
+    rate = int(digits) * factor if digits.isascii() and digits.isdigit() and len(digits) <= 7 else 0
     if rate not in BIT_RATES:
-        raise UsageError(f"{value!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s")
+        meant = f"; did you mean {rate}k?" if factor == 1 and rate * 1_000 in BIT_RATES else ""
+        raise UsageError(
+            f"{str(value)!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s, also 250k{meant}"
+        )
     return rate
 
 

@@ -78,7 +78,10 @@ def test_it_is_offered_taken_with_a_bit_rate_and_kept(
     assert "only if an slcan adapter is on it" in row
     terminal.type(f"{row.split()[0]}\r")
     terminal.wait("Bit rate of the network in bit/s? [500000]")
-    terminal.type("250000\r")
+    terminal.type("250\r")
+    terminal.wait("'250' is not a bit rate")
+    terminal.wait("125k, 250k, 500k and 1M are usual")
+    terminal.type("250k\r")
     terminal.wait("Save as default in dvtcli.toml? [y/N]")
     terminal.type("y\r")
     terminal.wait_prompt("/dev/ttyACM0/1 PRE-OP> ")

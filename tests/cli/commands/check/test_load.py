@@ -16,7 +16,7 @@ from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.cli.commands.bench import Bench, Ran
 from tests.harness.sample import heavy
-from tests.process import ROOT
+from tests.process import ROOT, dvtcli
 from tests.virtual_time import VirtualTimeBus
 
 LINE = ROOT / "examples" / "line.yaml"
@@ -68,6 +68,14 @@ def test_what_has_no_limit_is_never_nothing(nothing: Bench) -> None:
     assert "1:tpdo1: event-driven, without inhibit time and event timer\n      hint: --inhibit" in text
     mended = nothing.run("load unlimited.yaml --inhibit 1:tpdo1=40 --json")
     assert mended.document["fits"]
+
+
+def test_a_bit_rate_may_be_written_with_k_here_and_at_the_start(nothing: Bench) -> None:
+    in_bits = nothing.run(f"load {LINE} --json --at 125000").document
+    assert in_bits["bit_rate"] == 125_000
+    assert nothing.run(f"load {LINE} --json --at 125k").document == in_bits
+    at_the_start = dvtcli("-b", "125k", "load", str(LINE), "--json")
+    assert json.loads(at_the_start.stdout)["bit_rate"] == 125_000
 
 
 def test_a_node_of_which_nothing_is_known_counts_with_what_the_file_says(nothing: Bench) -> None:
