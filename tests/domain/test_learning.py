@@ -11,7 +11,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BOOLEAN, U8, U16, U32, DataType
 from dvtcli.domain.learning.conclusions import conclude, highest_time
 from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand, while_operational
-from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
+from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes, next_time
 from dvtcli.domain.learning.read_dictionary import ReadDevice, described, limit_probes, taken_beyond
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 
@@ -93,7 +93,7 @@ def test_the_highest_time_that_a_device_takes_is_found(limit: int) -> None:
     )
     found = highest_time(known, "inhibit time")
     assert found is not None
-    assert found[0] == limit
+    assert (found[0], next_time(known.answers, "inhibit time")) == (limit, None)
     assert len([name for name in known.answers if name.startswith("inhibit time ")]) <= 18
 
 

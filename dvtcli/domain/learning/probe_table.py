@@ -36,13 +36,12 @@ def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
     }
     if any(answer.code is None for answer in values.values()):
         return None
-    taken = max((value for value, answer in values.items() if answer.kept), default=-1)
-    above = min((value for value, answer in values.items() if value > taken and not answer.kept), default=None)
-    if above is None:
-        return None if taken == 0xFFFF else 0xFFFF
-    if taken < 0:
-        return _SHORT if _SHORT not in values else None
-    return (taken + above) // 2 if above - taken > 1 else None
+    kept = [value for value, answer in values.items() if answer.kept]
+    if not kept:
+        return next((value for value in (0xFFFF, _SHORT) if value not in values), None)
+    highest = max(kept)
+    above = min((value for value in values if value > highest), default=highest)
+    return (highest + above) // 2 if above - highest > 1 else None
 
 
 #: Probed transmission types: the ends of the standard's ranges, and values between.

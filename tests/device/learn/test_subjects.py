@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
-from dvtcli.domain.datatypes import U8, U16, U32
+from dvtcli.domain.datatypes import DATA_TYPES, U8, U16, U32
 from dvtcli.domain.learning.probe import ProbedPdo
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo
@@ -154,6 +154,32 @@ def test_what_is_mapped_comes_before_what_the_file_names() -> None:
     names = described(mappable(0x2001, Access.RO), mappable(0x6041, Access.RO))
     (subject,) = asked(device_of((ON, 1)), names)
     assert [str(fit) for fit in subject.fits] == ["6041:00/16", "2001:00/16"]
+
+
+def test_what_goes_this_way_only_comes_before_what_goes_both_ways() -> None:
+    """A device that checks access is asked first with what it maps by all means."""
+    both = (mappable(index, Access.RW) for index in (0x2001, 0x2002, 0x2003))
+    (subject,) = asked(device_of((OFF, 0)), described(*both, mappable(0x2004, Access.RO)))
+    assert [str(fit) for fit in subject.fits] == ["2004:00/16", "2001:00/16", "2002:00/16"]
+
+
+def test_of_each_length_and_kind_the_first_object_stands_for_all() -> None:
+    """By access, of the mappable; of those that are not mappable, if their access is for this direction."""
+    kinds = (U16, U16, DATA_TYPES[0x03], U32)
+    (subject,) = asked(
+        device_of((OFF, 0)),
+        described(
+            *(mappable(index, Access.RO, kind) for index, kind in enumerate(kinds, 0x2001)),
+            *(mappable(index, Access.WO, kind) for index, kind in enumerate(kinds, 0x2101)),
+            *(mappable(index, Access.RO, kind, marked=False) for index, kind in enumerate(kinds, 0x2201)),
+            *(mappable(index, Access.WO, kind, marked=False) for index, kind in enumerate(kinds, 0x2301)),
+        ),
+    )
+    assert {str(access): [str(entry) for entry in entries] for access, entries in subject.by_access.items()} == {
+        "ro": ["2001:00/16", "2003:00/16", "2004:00/32"],
+        "wo": ["2101:00/16", "2103:00/16", "2104:00/32"],
+    }
+    assert [str(entry) for entry in subject.unmappable] == ["2201:00/16", "2203:00/16", "2204:00/32"]
 
 
 @pytest.mark.parametrize(
