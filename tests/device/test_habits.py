@@ -41,6 +41,19 @@ def test_a_later_process_knows_it_too_of_that_kind_of_device(tmp_path: Path) -> 
     assert said == []
 
 
+def test_a_later_process_knows_too_that_a_device_takes_no_pdo_while_it_runs(tmp_path: Path) -> None:
+    running = Habit(None, 0x0800_0022)
+    habits = Habits(tmp_path / "habits")
+    for _ in range(OFTEN_ENOUGH):
+        assert not Habits(tmp_path / "habits").is_pre_operational_wanted(IDENTITY)
+        habits.add(IDENTITY, running)
+    said: list[str] = []
+    later = Habits(tmp_path / "habits", said.append)
+    assert later.is_pre_operational_wanted({**IDENTITY, "serial": 8})
+    assert not later.is_pre_operational_wanted({**IDENTITY, "product": 8})
+    assert (later.off_first(IDENTITY), said) == (frozenset(), [])
+
+
 def test_one_refusal_is_not_often_enough(tmp_path: Path) -> None:
     habits, _ = found_out(tmp_path / "state" / "habits", OFTEN_ENOUGH - 1)
     assert habits.off_first(IDENTITY) == frozenset()
@@ -76,6 +89,9 @@ ROW = {"direction": "tpdo", "sub_index": 5, "abort": 0x0800_0022, "times": 3}
             ]
         ),
         ({"schema": "dvtcli.habits/2", "refused": [{**ROW, "direction": "spdo"}]}, "'spdo' is not a valid Direction"),
+        ({"schema": "dvtcli.habits/2", "refused": [], "operational": ROW}, "it names no refusals"),
+        ({"schema": "dvtcli.habits/2", "refused": [], "operational": [7]}, "a refusal is malformed"),
+        ({"schema": "dvtcli.habits/2", "refused": [], "operational": [{"abort": 5}]}, "a refusal is malformed"),
     ],
 )  # fmt: skip
 def test_a_file_that_does_not_say_is_told_and_found_out_anew(tmp_path: Path, document: object, why: str) -> None:

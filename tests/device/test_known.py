@@ -71,6 +71,19 @@ def test_what_was_read_is_not_asked_for_again_until_something_happened(node: Nod
     assert node.pdo(TPDO1).communication.event_timer == 81
 
 
+def test_values_are_of_now_until_something_happens_and_from_the_next_read_on(node: Node, bus: Bus) -> None:
+    cache = node.read_cache
+    assert not cache.is_of_now(), "nothing was read"
+    for happens in ("boot-up", "another boot-up"):
+        timer(node)
+        assert cache.is_of_now()
+        bus.heard_boot_ups += 1
+        assert not cache.is_of_now(), happens
+    timer(node)
+    cache.clear()
+    assert not cache.is_of_now()
+
+
 def test_what_a_claim_finds_is_read_anew(node: Node) -> None:
     timer(node)
     set_timer(node, 77)

@@ -18,6 +18,7 @@ from dvtcli.operations.lss.lss_find import scanned
 from dvtcli.operations.lss.lss_node_id import lss_node_id
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.lss_nodes import Fate, LossyBus, address_of, unconfigured
 from tests.virtual_time import VirtualTimeBus
 
@@ -60,19 +61,45 @@ def found(bus: VirtualTimeBus) -> list[tuple[LssAddress, bool]]:
         return [(node.address, node.confirmed) for node in scanned(session, master)]
 
 
-def test_ten_nodes_take_the_requests_that_the_standard_needs() -> None:
-    """CiA 305: each node takes a whole fast scan, and the end is that nobody answers."""
-    serials = Random(4711).sample(range(1 << 32), 10)
-    nodes = [unconfigured(serial) for serial in serials]
+def scan_requests(nodes: list[StrictDevice]) -> tuple[int, int]:
+    """How many frames a scan takes that finds *nodes*, and how many of them are of the fast scan."""
     bus = VirtualTimeBus(nodes, simulated=False)
     frames: list[bytes] = []
     bus.tap(lambda frame, sent: frames.append(frame.data) if sent and frame.can_id == LSS_REQUEST_ID else None)
     assert found(bus) == [(address, True) for address in sorted(map(address_of, nodes))]
+    assert {one.node_id for one in nodes} == {UNCONFIGURED}
+    return len(frames), sum(frame[0] == FAST_SCAN for frame in frames)
+
+
+def test_ten_nodes_take_the_requests_that_the_standard_needs() -> None:
+    """CiA 305: each node takes a whole fast scan, and the end is that nobody answers."""
+    nodes = [unconfigured(serial) for serial in Random(4711).sample(range(1 << 32), 10)]
+    frames, scanning = scan_requests(nodes)
     # behind each node that was found one question tells whether it answers what none can
     needed = len(nodes) * NEEDED + 1 + len(nodes) - 1
-    assert sum(frame[0] == FAST_SCAN for frame in frames) <= needed + 2
-    assert len(frames) <= 1.5 * needed
-    assert {one.node_id for one in nodes} == {UNCONFIGURED}
+    assert scanning <= needed + 2
+    assert frames <= 1.5 * needed
+
+
+def test_a_node_that_answers_for_its_serial_number_first_is_not_one_that_answers_everything() -> None:
+    """It fits one half of the numbers, and not both: every branch would take twice the requests."""
+    nodes = [unconfigured(serial) for serial in (0x1234_5678, 0x7FFF_FFFF)]
+    for one in nodes:
+        takes_the_parts_in_any_order(one)
+    # two questions tell that, and that nobody else is there is asked three times
+    assert scan_requests(nodes)[1] <= 2 * NEEDED + 2 + 3
+
+
+def takes_the_parts_in_any_order(one: StrictDevice) -> None:
+    """Without the order of CiA 305: vendor, product, revision, serial number."""
+    handle = one.lss.handle
+
+    def answer(request: bytes) -> bytes | None:
+        if request[0] == FAST_SCAN and request[5] < BITS:
+            one.lss._scanned = request[6]
+        return handle(request)
+
+    one.lss.handle = answer  # type: ignore[method-assign]
 
 
 def test_nobody_is_said_within_two_seconds() -> None:

@@ -15,7 +15,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused, RuleError, SafetyRefusal
 from dvtcli.files.eds.reader import read_eds
 from tests.device.test_rolling_back import odd_device
-from tests.laws.bench import NODE, DirectBus, FaultySdo, booted, dictionary, refuse
+from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, booted, dictionary, refuse
 from tests.small_eds import INPUTS, OUTPUTS, plain
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -48,6 +48,25 @@ def test_a_file_of_another_device_is_refused_for_one_object_too(node: Node) -> N
     assert node.upload(*HEARTBEAT) == held
     node.write(*HEARTBEAT, b"\1\0", force=True)
     assert node.upload(*HEARTBEAT) == b"\1\0"
+
+
+@pytest.mark.parametrize(
+    ("place", "data", "rule"),
+    [
+        ((0x1018, 1), b"\1\0\0\0", "access"),
+        ((0x1017, 0), b"\1\0\0\0", "length"),
+        ((0x1005, 0), b"\x81\1\0\0", "can-id-in-use"),
+        ((0x1800, 1), b"\x80\0\0\0", "cob-id-while-valid"),
+    ],
+)
+def test_what_a_rule_forbids_to_write_to_one_object_is_not_sent(
+    node: Node, bus: DirectBus, place: tuple[int, int], data: bytes, rule: str
+) -> None:
+    with pytest.raises(RuleError) as caught:
+        node.write(*place, data)
+    assert [finding.rule for finding in caught.value.findings] == [rule]
+    assert isinstance(bus.channel, DirectSdo)
+    assert (bus.channel.writes, node.history) == ([], [])
 
 
 def test_what_is_so_already_beside_it_forbids_no_force(node: Node) -> None:

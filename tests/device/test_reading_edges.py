@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import (
     WHATEVER,
     exists,
@@ -18,11 +20,16 @@ from dvtcli.device.read_pdos import (
     read_pdo,
     service_ids,
 )
+from dvtcli.device.read_whole import Unread, read_whole, scan_objects, values_of
 from dvtcli.device.target_config import differences
+from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.datatypes import U32
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
-from dvtcli.errors import SdoAborted, SdoProtocolError
+from dvtcli.domain.profile import GENERIC
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from tests.device.test_reading_and_storing import Table
+from tests.laws.bench import NODE, DirectBus, booted, silence
 
 TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
 
@@ -226,3 +233,47 @@ def test_an_optional_parameter_that_is_refused_for_a_moment_is_not_one_that_is_n
     if may_pass:
         with pytest.raises(SdoAborted):
             read_pdo(device, TPDO1)
+
+
+class SilentAboutGaps(Table):
+    """A device that answers nothing about an object that it does not have."""
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        if (index, sub_index) not in self.values:
+            self.reads.append((index, sub_index))
+            raise silence(index, sub_index)
+        return super().upload(index, sub_index)
+
+
+@pytest.mark.parametrize(("there", "gaps"), [((), 1), ((0x2000,), 3), ((0x2000, 0x2002, 0x2004), 3)])
+def test_a_device_that_is_silent_about_gaps_is_not_asked_for_all_of_them(there: tuple[int, ...], gaps: int) -> None:
+    """Each costs a time-out, and 36,000 are asked for."""
+    table = SilentAboutGaps({(index, 0): b"\0\0" for index in there})
+    node = Node(DirectBus(booted(), table), NODE)
+    with pytest.raises(NoAnswer) as caught:
+        scan_objects(node, Configuration(GENERIC), (range(0x2000, 0x3000),))
+    assert "does not report missing objects; reading it needs its EDS" in typed(caught.value.hint)
+    assert len([place for place in table.reads if place not in table.values]) == gaps
+
+
+def test_two_objects_about_which_a_device_is_silent_are_named_as_such() -> None:
+    table = SilentAboutGaps({(index, 0): b"\0\0" for index in (0x2000, 0x2003)})
+    node = Node(DirectBus(booted(), table), NODE)
+    found = scan_objects(node, Configuration(GENERIC), (range(0x2000, 0x2004),))
+    assert [place[0] for place, one in found.items() if one.unread is Unread.SILENT] == [0x2001, 0x2002]
+
+
+def test_who_a_device_is_is_not_asked_twice_for_a_whole_reading() -> None:
+    entries = [OdEntry(index, sub_index, "", U32) for index, sub_index in ((0x1000, 0), (0x1018, 1), (0x2000, 0))]
+    table = Table({(entry.index, entry.sub_index): bytes(4) for entry in entries})
+    node = Node(DirectBus(booted(), table), NODE)
+    for place in ((0x1000, 0), (0x1018, 1)):
+        node.read_cache.upload(*place)
+    table.reads.clear()
+    found = read_whole(node, entries, Configuration(GENERIC))
+    assert (values_of(found), table.reads) == (table.values, [(0x2000, 0)])
+    node.read_cache.clear()
+    read_whole(node, entries, Configuration(GENERIC))
+    assert table.reads == [(0x2000, 0), *table.values], "the node may have restarted"

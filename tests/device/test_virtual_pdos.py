@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.virtual_pdos import group_names, read_pins
+from dvtcli.device.virtual_pdos import group_names, names_objects, read_pins
 from dvtcli.domain.profile import GENERIC, VpdoGroup
 from dvtcli.errors import DvtcliError, SdoProtocolError
 from tests.device.test_reading_and_storing import Table, Values
@@ -32,6 +32,13 @@ def test_there_are_as_many_pins_as_sub_indices(active: int, there: int) -> None:
     assert held.values == tuple(0x2100 + pin for pin in range(min(there, 0xFE)))
     assert held.active == min(active, there, 0xFE)
     assert (0x3300, 0xFF) not in table.reads
+
+
+@pytest.mark.parametrize(
+    ("index", "sub_index", "names"), [(0x3300, 1, True), (0x3300, 0xFE, True), (0x3300, 0, False), (0x3301, 1, False)]
+)
+def test_a_pin_names_an_object_and_the_count_and_other_objects_do_not(index: int, sub_index: int, names: bool) -> None:
+    assert names_objects(node_of({})[0], index, sub_index) == names
 
 
 def test_a_pin_holds_two_bytes() -> None:

@@ -22,3 +22,12 @@ def test_each_node_is_said_with_what_is_left_of_it() -> None:
     )
     assert failure_sentence(error, 5, "rolled back") == "TPDO1 of node 5 could not be rolled back"
     assert failure_sentence(error, 7, "rolled back") is None
+
+
+def test_where_all_was_read_as_before_the_end_of_the_roll_back_is_in_doubt_all_the_same() -> None:
+    error = left(5, "TPDO1", as_before=("TPDO1", "TPDO2"))
+    error.left = ()
+    merge_left(error, [])
+    assert error.state_text == (
+        "TPDO1, TPDO2 of node 5 is as it was, read last; but the roll-back did not end: check it again"
+    )

@@ -149,6 +149,23 @@ def test_a_loader_that_does_not_clear_is_said(tmp_path: Path) -> None:
     assert (ran.code, "0x06090030" in ran.stderr, loading.held) == (7, True, FACTORY_PROGRAM), ran
 
 
+class _Idle(BootLoader):
+    """A boot loader that acknowledges the command to start a program, and does not start it."""
+
+    def take(self, index: int, data: bytes, state: NmtState) -> bool:
+        return super().take(index, data, state) and False
+
+
+def test_a_program_that_does_not_start_is_not_said_to_run(tmp_path: Path) -> None:
+    loading = Loading(tmp_path)
+    loading.bus.nodes[0].device.loader = _Idle()
+    with loading.bench:
+        ran = loading.run("--expect", "crc32")
+    assert (ran.code, loading.held, loading.control) == (7, PROGRAM, 0), ran
+    assert "sent no boot-up message within 20 s" in ran.stderr
+    assert "was started, and is not known to run" in " ".join(ran.stderr.split())
+
+
 def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
     loading = Loading(tmp_path)
     loader = loading.bus.nodes[0].device.loader
