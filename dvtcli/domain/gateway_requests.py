@@ -410,30 +410,34 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     return lines
 
 
-def required_lines(nodes: Iterable[NodePlan]) -> Iterator[str]:
+def required_lines(node_plans: Iterable[NodePlan]) -> Iterator[str]:
     """Preconditions of the first line: `run` of dvtcli checks them, other programs read comments."""
-    for node in nodes:
-        known = [f"{name}=0x{value:08X}" for name, value in node.identity.items() if value is not None]
+    for node_plan in node_plans:
+        known = [f"{name}=0x{value:08X}" for name, value in node_plan.identity.items() if value is not None]
         if known:
-            yield f"{REQUIRED}{node.node_id}:identity {' '.join(known)}"
-        if node.needs_power_off:
-            yield f"{REQUIRED}{node.node_id}:power-off"
+            yield f"{REQUIRED}{node_plan.node_id}:identity {' '.join(known)}"
+        if node_plan.needs_power_off:
+            yield f"{REQUIRED}{node_plan.node_id}:power-off"
 
 
-def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:
+def _commands(node_plans: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:
     """Comments, and commands with their nodes."""
-    for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].preop):
+    for node_id in (
+        node_plan.node_id for node_plan in node_plans if len(node_plan.plan) and around[node_plan.node_id].preop
+    ):
         yield f"node {node_id}: its PDOs are set in PRE-OPERATIONAL"
         yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
-    for title, phase in zip(_PHASES, phases(node.plan for node in nodes), strict=True):
+    for title, phase in zip(_PHASES, phases(node_plan.plan for node_plan in node_plans), strict=True):
         for part in phase:
             for change, step in part.steps_in_order():
                 yield from _written(part.node_id, change, step, title)
-    for node_id in (node.node_id for node in nodes if node.stores):
+    for node_id in (node_plan.node_id for node_plan in node_plans if node_plan.stores):
         for store in around[node_id].stores:
             yield f"node {node_id}: store"
             yield node_id, Write(STORE_PARAMETERS, store, "vs", _SAVE)
-    for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].start):
+    for node_id in (
+        node_plan.node_id for node_plan in node_plans if len(node_plan.plan) and around[node_plan.node_id].start
+    ):
         yield f"node {node_id}: it was OPERATIONAL"
         yield node_id, Nmt(NmtCommand.START)
 
@@ -456,9 +460,9 @@ def _shown(data: bytes) -> str:
     return f"{len(data)} bytes"
 
 
-def _who(node: NodePlan) -> str:
-    known = [f"{name} 0x{value:08X}" for name, value in node.identity.items() if value is not None]
-    who = " ".join(filter(None, ("node", str(node.node_id), _plain(node.name))))
+def _who(node_plan: NodePlan) -> str:
+    known = [f"{name} 0x{value:08X}" for name, value in node_plan.identity.items() if value is not None]
+    who = " ".join(filter(None, ("node", str(node_plan.node_id), _plain(node_plan.name))))
     return f"# {who}: {', '.join(known) or 'it has no readable identity (0x1018)'}"
 
 

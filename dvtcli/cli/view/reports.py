@@ -69,31 +69,31 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
         yield from _lacking(result.lacking, result.nodes[0].against)
 
 
-def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
+def _planned(result: NetworkPlanned, node_plan: NodePlan) -> Iterator[Case]:
     """Return differences: errors if requested, else notices of planned writes by `apply`."""
     level = "error" if result.tells else "notice"
-    if not node.is_read:
+    if not node_plan.is_read:
         trusted = ("not read: its stamp (0x1020) is that of the file",)
-        yield Case(node.node_id, "stamp", trusted, "skipped", result.plan.file, node.line)
-    unreadable = node.plan.unreadable
-    for change in node.plan.changes:
+        yield Case(node_plan.node_id, "stamp", trusted, "skipped", result.plan.file, node_plan.line)
+    unreadable = node_plan.plan.unreadable
+    for change in node_plan.plan.changes:
         is_compared = change not in unreadable
-        differences = tuple(_differences(node, change)) if is_compared else ("not compared: it is write-only",)
+        differences = tuple(_differences(node_plan, change)) if is_compared else ("not compared: it is write-only",)
         case_level = level if is_compared else "skipped"
-        yield Case(node.node_id, change.label, differences, case_level, result.plan.file, _line(node, change))
-    for held in node.holds:
-        yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
-    for left in node.remaining:
+        yield Case(node_plan.node_id, change.label, differences, case_level, result.plan.file, _line(node_plan, change))
+    for held in node_plan.holds:
+        yield Case(node_plan.node_id, held.label, file=result.plan.file, line=_line(node_plan, held))
+    for left in node_plan.remaining:
         differences = (f"differs, not written: {left.why}",)
-        yield Case(node.node_id, left.object, differences, level, result.plan.file, node.line)
-    if node.store and node.unstored:
-        differences = (f"not stored yet: {join_some(node.unstored)}",)
-        yield Case(node.node_id, "store", differences, level, result.plan.file, node.line)
-    for finding in node.findings:
+        yield Case(node_plan.node_id, left.object, differences, level, result.plan.file, node_plan.line)
+    if node_plan.store and node_plan.unstored:
+        differences = (f"not stored yet: {join_some(node_plan.unstored)}",)
+        yield Case(node_plan.node_id, "store", differences, level, result.plan.file, node_plan.line)
+    for finding in node_plan.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"
         said = finding.complaint
-        line, column = (node.line, 0) if said is None else (said.line, said.column)
-        yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, line, column)
+        line, column = (node_plan.line, 0) if said is None else (said.line, said.column)
+        yield Case(node_plan.node_id, finding.rule, (finding.text,), level, result.plan.file, line, column)
 
 
 def _lacking(lacking: Sequence[MissingObject], file: str) -> Iterator[Case]:
@@ -103,20 +103,20 @@ def _lacking(lacking: Sequence[MissingObject], file: str) -> Iterator[Case]:
         yield Case(lacked.node_id, lacked.label, (lacked.finding.text,), "error", file, line)
 
 
-def _line(node: NodePlan, change: Change) -> int:
+def _line(node_plan: NodePlan, change: Change) -> int:
     """Return the file's line for *change*: of its PDO or object, else its node."""
     if isinstance(change, PdoChange):
-        return node.lines.get(change.pdo, 0) or node.line
-    return node.object_lines.get((change.step.index, change.step.sub_index), 0) or node.line
+        return node_plan.lines.get(change.pdo, 0) or node_plan.line
+    return node_plan.object_lines.get((change.step.index, change.step.sub_index), 0) or node_plan.line
 
 
-def _differences(node: NodePlan, change: Change) -> Iterator[str]:
+def _differences(node_plan: NodePlan, change: Change) -> Iterator[str]:
     if isinstance(change, PdoChange):
         for key, was, will in differing(change):
             held, expected = parameter_texts(change, key, was, will)
             yield f"{key} is {held}, expected {expected}"
     else:
-        known = node.understood.get(change.step.object)
+        known = node_plan.understood.get(change.step.object)
         held, expected = (step_text(change.step, data, known) for data in (change.step.before, change.step.after))
         why = "" if change.step.reason == "write" else f" ({change.step.reason})"
         yield f"is {held}, expected {expected}{why}"

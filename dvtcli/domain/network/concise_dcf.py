@@ -28,19 +28,19 @@ BEFORE_PDOS = (CONSUMER_HEARTBEAT, COB_ID_TIME, PRODUCER_HEARTBEAT, GUARD_TIME, 
 
 
 def concise_of(
-    plan: NodePlan, mapped: Collection[Pdo], fixed: Collection[Pdo], own: Collection[tuple[int, int]]
+    node_plan: NodePlan, mapped: Collection[Pdo], fixed: Collection[Pdo], own: Collection[tuple[int, int]]
 ) -> tuple[ConciseEntry, ...]:
-    """Downloads that configure a new device as in *plan*.
+    """Downloads that configure a new device as in *node_plan*.
 
     The mapping of *mapped* PDOs is always written, COB-IDs of enabled PDOs except *fixed*, and the values of `sdo`,
     objects *own*.
     """
-    changed = {change.pdo: change.before for change in plan.plan.changes if isinstance(change, PdoChange)}
-    values = [step for change in plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
+    changed = {change.pdo: change.before for change in node_plan.plan.changes if isinstance(change, PdoChange)}
+    values = [step for change in node_plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
     first = [step for step in values if step.index in BEFORE_PDOS and (step.index, step.sub_index) not in own]
     first.sort(key=lambda step: (BEFORE_PDOS.index(step.index), step.sub_index))
-    rest = {place: data for place, data in plan.values.items() if place[0] not in BEFORE_PDOS or place in own}
-    pdos = {pdo: (changed.get(pdo, after), after) for pdo, after in plan.wanted.items()}
+    rest = {place: data for place, data in node_plan.values.items() if place[0] not in BEFORE_PDOS or place in own}
+    pdos = {pdo: (changed.get(pdo, after), after) for pdo, after in node_plan.wanted.items()}
     return (
         *(ConciseEntry(step.index, step.sub_index, step.after) for step in first),
         *_pdos(pdos, mapped, fixed),

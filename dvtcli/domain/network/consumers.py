@@ -27,22 +27,22 @@ Id = tuple[int, bool]
 
 
 class Sent(NamedTuple):
-    """The TPDO *pdo* in its final state, and whether *plan* *changes* it."""
+    """The TPDO *pdo* in its final state, and whether *node_plan* *changes* it."""
 
-    plan: NodePlan
+    node_plan: NodePlan
     pdo: Pdo
     config: PdoConfig
     changes: bool
 
 
-def sent_by_id(plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
-    """TPDOs in *plans* with an enabled final state, by CAN-ID."""
+def sent_by_id(node_plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
+    """TPDOs in *node_plans* with an enabled final state, by CAN-ID."""
     found: dict[Id, list[Sent]] = {}
-    for plan in plans:
-        changed = _changed(plan)
-        for pdo, config in _ends(plan).items():
+    for node_plan in node_plans:
+        changed = _changed(node_plan)
+        for pdo, config in _ends(node_plan).items():
             if pdo.is_tpdo and config.enabled:
-                sent = Sent(plan, pdo, config, pdo in changed)
+                sent = Sent(node_plan, pdo, config, pdo in changed)
                 found.setdefault(_id(config.communication.cob_id), []).append(sent)
     return found
 
@@ -66,21 +66,27 @@ def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> It
         cob_id = takes.communication.cob_id
         for producer in sent.get(_id(cob_id), ()) if not rpdo.is_tpdo and cob_id.valid else ():
             changes = producer.changes or rpdo in changed
-            if changes and producer.plan is not consumer and producer.config.bits != takes.bits:
+            if changes and producer.node_plan is not consumer and producer.config.bits != takes.bits:
                 yield _finding(
-                    rpdo, rpdo.label, takes, f"{producer.pdo.label} of node {producer.plan.node_id}", producer.config
+                    rpdo,
+                    rpdo.label,
+                    takes,
+                    f"{producer.pdo.label} of node {producer.node_plan.node_id}",
+                    producer.config,
                 )
 
 
-def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
-    """TPDOs that *plan* disables or moves to another CAN-ID, with the old COB-ID."""
-    changes = (change for change in plan.plan.changes if isinstance(change, PdoChange) and change.pdo.is_tpdo)
+def moved_tpdos(node_plan: NodePlan) -> dict[Pdo, CobId]:
+    """TPDOs that *node_plan* disables or moves to another CAN-ID, with the old COB-ID."""
+    changes = (change for change in node_plan.plan.changes if isinstance(change, PdoChange) and change.pdo.is_tpdo)
     held = {change.pdo: change.before.communication.cob_id for change in changes if change.before.enabled}
-    return {pdo: cob_id for pdo, cob_id in held.items() if not _same_id(cob_id, _ends(plan)[pdo].communication.cob_id)}
+    return {
+        pdo: cob_id for pdo, cob_id in held.items() if not _same_id(cob_id, _ends(node_plan)[pdo].communication.cob_id)
+    }
 
 
 def left_findings(
-    plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], received: Mapping[Id, Iterable[Producer]]
+    node_plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], received: Mapping[Id, Iterable[Producer]]
 ) -> Iterator[Finding]:
     """A warning for each RPDO in *received* that keeps a CAN-ID given up in *moved*, unless it is in *sent*.
 
@@ -88,9 +94,9 @@ def left_findings(
     """
     for pdo, gone in moved.items():
         for producer in received.get(_id(gone), ()) if _id(gone) not in sent else ():
-            if producer.node_id != plan.node_id:
+            if producer.node_id != node_plan.node_id:
                 consumer = f"{producer.node_id}:{producer.pdo}"
-                text = f"{consumer} still receives {gone}, which {plan.node_id}:{pdo} no longer sends"
+                text = f"{consumer} still receives {gone}, which {node_plan.node_id}:{pdo} no longer sends"
                 yield warning("consumer-left", f"0x{pdo.communication_index:04X}:01", text)
 
 
@@ -121,18 +127,18 @@ def _finding(at: Pdo, rpdo: str, takes: PdoConfig, tpdo: str, sends: PdoConfig) 
     return warning("consumer-length", place, text, "map the producer's layout, dummy/BITS for what is not wanted")
 
 
-def _ends(plan: NodePlan) -> Mapping[Pdo, PdoConfig]:
-    """Final state of the PDOs in *plan*."""
-    changes = {change.pdo: change.after for change in plan.plan.changes if isinstance(change, PdoChange)}
-    return {**plan.wanted, **changes}
+def _ends(node_plan: NodePlan) -> Mapping[Pdo, PdoConfig]:
+    """Final state of the PDOs in *node_plan*."""
+    changes = {change.pdo: change.after for change in node_plan.plan.changes if isinstance(change, PdoChange)}
+    return {**node_plan.wanted, **changes}
 
 
 def _id(cob_id: CobId) -> Id:
     return cob_id.can_id, cob_id.extended
 
 
-def _changed(plan: NodePlan) -> set[Pdo]:
-    return {change.pdo for change in plan.plan.changes if isinstance(change, PdoChange)}
+def _changed(node_plan: NodePlan) -> set[Pdo]:
+    return {change.pdo for change in node_plan.plan.changes if isinstance(change, PdoChange)}
 
 
 def sent_by(pdos: Iterable[PdoConfig]) -> Iterator[tuple[int, bool]]:

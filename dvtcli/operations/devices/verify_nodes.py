@@ -83,10 +83,10 @@ def _verified(
     return compared[0] if len(compared) == 1 and not lacking else ComparedNodes(compared, lacking)
 
 
-def _lines(node: NodePlan) -> dict[str, int]:
-    """Map PDOs and objects of *node*, and the node itself, to lines of the network file."""
-    objects = {f"{index:04X}:{sub_index:02X}": line for (index, sub_index), line in node.object_lines.items()}
-    return {"": node.line, **{pdo.label: line for pdo, line in node.lines.items()}, **objects}
+def _lines(node_plan: NodePlan) -> dict[str, int]:
+    """Map PDOs and objects of *node_plan*, and the node itself, to lines of the network file."""
+    objects = {f"{index:04X}:{sub_index:02X}": line for (index, sub_index), line in node_plan.object_lines.items()}
+    return {"": node_plan.line, **{pdo.label: line for pdo, line in node_plan.lines.items()}, **objects}
 
 
 def _wishes(
@@ -133,11 +133,11 @@ def _network_wishes(session: Session, file: str) -> tuple[dict[int, TargetConfig
     return {node.node_id: _node_wish(node) for node in plan.nodes}, plan
 
 
-def _node_wish(node: NodePlan) -> TargetConfig:
+def _node_wish(node_plan: NodePlan) -> TargetConfig:
     """The target of a node in a network file; write-only objects are named, not compared."""
-    unreadable = tuple(change.label for change in node.plan.unreadable)
-    values = {place: data for place, data in node.values.items() if object_text(*place) not in unreadable}
-    return TargetConfig(dict(node.wanted), values, unreadable=unreadable)
+    unreadable = tuple(change.label for change in node_plan.plan.unreadable)
+    values = {place: data for place, data in node_plan.values.items() if object_text(*place) not in unreadable}
+    return TargetConfig(dict(node_plan.wanted), values, unreadable=unreadable)
 
 
 def _is_script(file: str) -> bool:

@@ -116,28 +116,28 @@ def _named(node_id: int, finding: Finding) -> Finding:
     return replace(finding, text=f"node {node_id}: {finding.text}") if is_of_node else finding
 
 
-def _node_document(node: NodePlan) -> Document:
+def _node_document(node_plan: NodePlan) -> Document:
     from dvtcli.device.change.plan_document import change_document
 
-    changes = node.plan.changes
+    changes = node_plan.plan.changes
     return {
-        "node": node.node_id,
-        "name": node.name,
-        "identity": node.identity,
-        "store": node.store or None,
-        "read": node.is_read,
-        "unstored": list(node.unstored),
-        "left_out": [_left_out_document(left_out) for left_out in node.left_out],
-        "power_off": node.needs_power_off,
-        "doubt": node.doubt,
-        "unchanged": node.unchanged,
-        "also_equal": node.also_equal,
-        "pdos": [_pdo_document(node, change) for change in changes if isinstance(change, PdoChange)],
+        "node": node_plan.node_id,
+        "name": node_plan.name,
+        "identity": node_plan.identity,
+        "store": node_plan.store or None,
+        "read": node_plan.is_read,
+        "unstored": list(node_plan.unstored),
+        "left_out": [_left_out_document(left_out) for left_out in node_plan.left_out],
+        "power_off": node_plan.needs_power_off,
+        "doubt": node_plan.doubt,
+        "unchanged": node_plan.unchanged,
+        "also_equal": node_plan.also_equal,
+        "pdos": [_pdo_document(node_plan, change) for change in changes if isinstance(change, PdoChange)],
         "objects": [_object_document(change) for change in changes if isinstance(change, ValueChange)],
-        "findings": [finding_document(finding) for finding in node.findings],
+        "findings": [finding_document(finding) for finding in node_plan.findings],
         "changes": [change_document(change) for change in changes],
-        "holds": [change_document(change) for change in node.holds],
-        "also_holds": [change_document(change) for change in node.compared_claims],
+        "holds": [change_document(change) for change in node_plan.holds],
+        "also_holds": [change_document(change) for change in node_plan.compared_claims],
     }
 
 
@@ -151,16 +151,16 @@ def _left_out_document(one: LeftOut) -> Document:
     }
 
 
-def _pdo_document(node: NodePlan, change: PdoChange) -> Document:
+def _pdo_document(node_plan: NodePlan, change: PdoChange) -> Document:
     """The differences of a PDO: each parameter's actual and wanted value."""
-    document: dict[str, Any] = {"pdo": str(change.pdo), "action": action(node, change)}
+    document: dict[str, Any] = {"pdo": str(change.pdo), "action": action(node_plan, change)}
     document |= {key: [was, will] for key, was, will in differing(change)}
     return document
 
 
-def action(node: NodePlan, change: PdoChange) -> str:
+def action(node_plan: NodePlan, change: PdoChange) -> str:
     """Return the action on a PDO: `prune`, `disable`, `enable` or `change`."""
-    if change.pdo in node.pruned:
+    if change.pdo in node_plan.pruned:
         return "prune"
     if change.before.enabled and not change.after.enabled:
         return "disable"

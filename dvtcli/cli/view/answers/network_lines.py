@@ -28,46 +28,46 @@ _MOST_REMAINING = 12
 _SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
 
 
-def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = False) -> Iterator[Line]:
+def node_plan_lines(file: str, node_plan: NodePlan, width: int, *, compares: bool = False) -> Iterator[Line]:
     """Show a node's changes by *file*, and values not written with reasons; *compares*: as is and expected."""
-    place = f"  {file}:{node.line}" if node.line else ""
-    title = f"({node.title})" if node.title else ""
-    said = " ".join(filter(None, (node.name, title)))
-    yield [Cell(f"node {node.node_id}  {said}", "bold"), Cell(place, "dim")]
-    for change in node.plan.changes:
+    place = f"  {file}:{node_plan.line}" if node_plan.line else ""
+    title = f"({node_plan.title})" if node_plan.title else ""
+    said = " ".join(filter(None, (node_plan.name, title)))
+    yield [Cell(f"node {node_plan.node_id}  {said}", "bold"), Cell(place, "dim")]
+    for change in node_plan.plan.changes:
         if isinstance(change, PdoChange):
-            yield from _pdo(node, change, width, compares=compares)
+            yield from _pdo(node_plan, change, width, compares=compares)
         else:
-            yield _object(node, change.step, compares=compares)
+            yield _object(node_plan, change.step, compares=compares)
             yield from _downloads(change.step.object, change.step.before, change.step.after)
-    if not node.is_read:
+    if not node_plan.is_read:
         yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{VERIFY_CONFIGURATION:04X}) is that of the file")]
-    if node.store and node.unstored:
-        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {join_some(node.unstored)}")]
-    if node.unchanged > 0:
-        yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
-    if node.also_equal:
-        more = plural(node.also_equal, "more setting")
+    if node_plan.store and node_plan.unstored:
+        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {join_some(node_plan.unstored)}")]
+    if node_plan.unchanged > 0:
+        yield [Cell(f"  = {node_plan.unchanged} as wanted", "dim")]
+    if node_plan.also_equal:
+        more = plural(node_plan.also_equal, "more setting")
         yield [Cell(f"  = {more} equal to the file, not written", "dim")]
-    if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
+    if node_plan.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node_plan.findings):
         yield [Cell("  ! ", "yellow"), Cell("the file has no settings for it: nothing was compared")]
-    if node.lacks:
-        yield [Cell("  ! ", "yellow"), Cell(f"the device has no {join_some(node.lacks)}")]
-    yield from _left_out(node)
+    if node_plan.lacks:
+        yield [Cell("  ! ", "yellow"), Cell(f"the device has no {join_some(node_plan.lacks)}")]
+    yield from _left_out(node_plan)
 
 
-def _left_out(node: NodePlan) -> Iterator[Line]:
+def _left_out(node_plan: NodePlan) -> Iterator[Line]:
     """Show values of the file that are not written, by reason; read-only values are only counted."""
-    for left_out in node.remaining[:_MOST_REMAINING]:
-        yield _otherwise(node, left_out)
+    for left_out in node_plan.remaining[:_MOST_REMAINING]:
+        yield _otherwise(node_plan, left_out)
         yield from _downloads(left_out.object, left_out.held, left_out.said)
-    if len(node.remaining) > _MOST_REMAINING:
-        rest = [left_out.object for left_out in node.remaining[_MOST_REMAINING:]]
+    if len(node_plan.remaining) > _MOST_REMAINING:
+        rest = [left_out.object for left_out in node_plan.remaining[_MOST_REMAINING:]]
         yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {join_some(rest)}")]
     by_why: dict[str, list[str]] = {}
-    for left_out in node.left_out:
+    for left_out in node_plan.left_out:
         if not left_out.remains:
-            by_why.setdefault(left_out.why, []).append(f"{left_out.object}{_values(node, left_out)}")
+            by_why.setdefault(left_out.why, []).append(f"{left_out.object}{_values(node_plan, left_out)}")
     silent = by_why.pop(_read_only(), []) if by_why else []
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {join_some(places)} {why}")]
@@ -75,17 +75,17 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
         yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file ignored", "dim")]
 
 
-def _otherwise(node: NodePlan, one: LeftOut) -> Line:
+def _otherwise(node_plan: NodePlan, one: LeftOut) -> Line:
     """Show a setting that differs from the file, and the reason for not writing it."""
-    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{_values(node, one)} {one.why}")]
+    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{_values(node_plan, one)} {one.why}")]
 
 
-def _values(node: NodePlan, one: LeftOut) -> str:
+def _values(node_plan: NodePlan, one: LeftOut) -> str:
     """Return the node's and the file's value of an object, if both are known."""
     if one.held is None or one.said is None:
         return ""
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
-    step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
+    step, known = Step(index, sub_index, one.held, one.said, ""), node_plan.understood.get(one.object)
     return f" (is {step_text(step, one.held, known)}, expected {step_text(step, one.said, known)})"
 
 
@@ -99,9 +99,9 @@ def _sides(held: str, wanted: str, *, compares: bool) -> tuple[str, ...]:
     return (f"is {held}, expected {wanted}",) if compares else (held, "->", wanted)
 
 
-def _object(node: NodePlan, step: Step, *, compares: bool) -> Line:
+def _object(node_plan: NodePlan, step: Step, *, compares: bool) -> Line:
     """Show an object with present value, wanted value, and reason."""
-    known = node.understood.get(step.object)
+    known = node_plan.understood.get(step.object)
     before, after = step_text(step, step.before, known), step_text(step, step.after, known)
     said = "" if step.reason == "write" else f"  {step.reason}"
     if step.before is None:
@@ -111,8 +111,8 @@ def _object(node: NodePlan, step: Step, *, compares: bool) -> Line:
     return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {sides}"), Cell(said)]
 
 
-def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> Iterator[Line]:
-    kind = action(node, change)
+def _pdo(node_plan: NodePlan, change: PdoChange, width: int, *, compares: bool) -> Iterator[Line]:
+    kind = action(node_plan, change)
     sign, style = _SIGNS[kind]
     if kind == "prune":
         yield [
@@ -121,25 +121,25 @@ def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> It
         ]
         return
     is_off = not change.before.enabled and not change.after.enabled
-    is_left_off = any(found.rule == "mapped-but-off" and found.pdo == change.pdo for found in node.findings)
+    is_left_off = any(found.rule == "mapped-but-off" and found.pdo == change.pdo for found in node_plan.findings)
     why = ": the file does not enable it" if is_left_off else ""
     off = f"  stays off{why}" if is_off else ""
     yield [Cell(f"  {sign} ", style), Cell(change.label), Cell(off, "dim")]
     table = Table(indent=6, shrink=3)
     for key, was, will in differing(change):
         if key == "map":
-            _entries(table, node, was, will, compares=compares)
+            _entries(table, node_plan, was, will, compares=compares)
         else:
             held, wanted = parameter_texts(change, key, was, will)
             table.add(key, *_sides(held, wanted, compares=compares))
     yield from table.lines(width)
 
 
-def _entries(table: Table, node: NodePlan, was: list[str], will: list[str], *, compares: bool) -> None:
+def _entries(table: Table, node_plan: NodePlan, was: list[str], will: list[str], *, compares: bool) -> None:
     for number in range(max(len(was), len(will))):
         before, after = (side[number] if number < len(side) else "-" for side in (was, will))
         if before != after:
-            name = node.names.get(after.rpartition("/")[0], "")
+            name = node_plan.names.get(after.rpartition("/")[0], "")
             wanted = f"{entry_text(after)}  {name}".rstrip()
             table.add(f"map {number + 1}", *_sides(entry_text(before), wanted, compares=compares))
 
@@ -218,13 +218,13 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
         yield [Cell(f"! {what} and {are} not written: {hint}", "yellow")]
 
 
-def _includes(node: NodePlan) -> list[str]:
+def _includes(node_plan: NodePlan) -> list[str]:
     """Return --include words for just the writable settings in *node.remaining*: sub-indices, or a common index."""
-    could = [left_out.object for left_out in node.remaining if _is_lifted(left_out)]
+    could = [left_out.object for left_out in node_plan.remaining if _is_lifted(left_out)]
     others = {
-        left_out.object[:4] for left_out in node.left_out if _is_lifted(left_out) and left_out.object not in could
+        left_out.object[:4] for left_out in node_plan.left_out if _is_lifted(left_out) and left_out.object not in could
     }
-    others |= {change.step.object[:4] for change in node.plan.changes if not isinstance(change, PdoChange)}
+    others |= {change.step.object[:4] for change in node_plan.plan.changes if not isinstance(change, PdoChange)}
     many = {index for index, count in Counter(place[:4] for place in could).items() if count > 1} - others
     words = (place[:4] if place[:4] in many or place.endswith(":00") else place for place in could)
     return list(dict.fromkeys(words))
@@ -272,9 +272,9 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
         yield [Cell("  ! ", "yellow"), compare]
 
 
-def _not_written(node: NodePlan) -> list[str]:
+def _not_written(node_plan: NodePlan) -> list[str]:
     """Return writable values of the file that are left out."""
-    return [left_out.object for left_out in node.left_out if not left_out.remains and left_out.why != _read_only()]
+    return [left_out.object for left_out in node_plan.left_out if not left_out.remains and left_out.why != _read_only()]
 
 
 _ONLY_NODES = "Frames of other nodes are not counted."
@@ -351,13 +351,13 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
             yield [Cell(f"Stored by node {node_id} on its own: {join_some(labels)}.", "dim")]
 
 
-def _reverts(node: NodePlan) -> str:
-    """Say what `undo --all` reverts on *node*: not a write-only value, as what it held is not known."""
-    blind = [change.label for change in node.plan.unreadable]
+def _reverts(node_plan: NodePlan) -> str:
+    """Say what `undo --all` reverts on *node_plan*: not a write-only value, as what it held is not known."""
+    blind = [change.label for change in node_plan.plan.unreadable]
     if not blind:
         return ", `undo --all` reverts it"
     kept = f"`undo` cannot revert {join_some(blind)} (write-only)"
-    return f", {kept}" if len(blind) == len(node.plan.changes) else f", {kept}, `undo --all` reverts the rest"
+    return f", {kept}" if len(blind) == len(node_plan.plan.changes) else f", {kept}, `undo --all` reverts the rest"
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
