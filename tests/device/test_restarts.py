@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
+
 from dvtcli.device.node import Node
 from dvtcli.domain.plan import Plan, Step, ValueChange
-from tests.laws.bench import NODE, DirectBus, booted, dictionary
+from dvtcli.errors import BusUnavailable, SafetyRefusal
+from tests.bus.devices import device
+from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary
+from tests.virtual_time import VirtualTimeBus
 
 
 def after_a_restart(*, stored: int) -> tuple[list[Plan], list[Plan]]:
@@ -47,3 +54,41 @@ def test_a_restart_takes_what_was_changed_after_the_store() -> None:
     for unseen in (False, None):
         made, held = changed_after_a_store(restarted=unseen)
         assert held == made
+
+
+def restarted_after_an_order(within_s: float, *, changes: int) -> Node:
+    """A node whose restart was ordered, which was changed that often since, and then restarts."""
+    bus = VirtualTimeBus([device(NODE, "generic")], simulated=False)
+    node = Node(bus, NODE, dictionary("generic"))
+    node.restarts_at_read = bus.restarts(NODE)
+    bus.order_restart(NODE, within_s)
+    for number in range(changes):
+        node.write(0x1017, 0, bytes([number + 1, 0]))
+    bus.nodes[0].device.restart()
+    bus.nodes[0].server.reset()
+    bus.nodes[0].device.boot_up()
+    bus.sleep(0.01)
+    return node
+
+
+@pytest.mark.parametrize("within_s", [10.0, math.inf])
+def test_a_restart_that_was_ordered_is_no_surprise_unless_the_node_was_changed_since(within_s: float) -> None:
+    """After a reset, and after a restore that asks its user to restart the node whenever he likes."""
+    restarted_after_an_order(within_s, changes=0).require_not_restarted()
+    for changes in (1, 2):
+        with pytest.raises(SafetyRefusal, match="restarted since it was read"):
+            restarted_after_an_order(within_s, changes=changes).require_not_restarted()
+
+
+class GoneOnceVerified(DirectBus):
+    """A bus that is gone when a change was read back."""
+
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        raise BusUnavailable("the bus is gone")
+
+
+def test_a_change_that_was_verified_can_be_undone_also_if_the_bus_is_gone_right_after() -> None:
+    held = booted()
+    node = Node(GoneOnceVerified(held, DirectSdo(held)), NODE, dictionary("generic"))
+    node.write(0x1017, 0, b"\1\0")
+    assert [change.label for plan in node.history for change in plan.changes] == ["1017:00"]

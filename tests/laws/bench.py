@@ -185,6 +185,9 @@ class DirectBus:
     def boot_ups(self, node_id: int) -> int:
         return self.heard_boot_ups
 
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """No restart is counted here."""
+
     def disturbance_count(self, node_id: int) -> int:
         return self.boot_ups(node_id)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -138,8 +139,6 @@ class Changeable(KnownPdos):
     takes_store: bool | None = None
     #: true if the user was told of a restart during this line
     has_reported_restart: bool = False
-    #: true if the user is to restart the node for its defaults, with no change since
-    awaits_restart: bool = False
     _habits: Habits | None = None
 
     @property
@@ -203,13 +202,11 @@ class Changeable(KnownPdos):
 
     def await_restart(self) -> None:
         """Expect a restart by the user at any time: no line is refused for that restart."""
-        self.awaits_restart = True
         self.bus.order_restart(self.node_id, math.inf)
 
     def await_no_restart(self) -> None:
-        """Report the next restart again: the node was changed since the user was told to restart."""
-        if self.awaits_restart:
-            self.awaits_restart = False
+        """Report the next restart, also if one was ordered before: it loses what was changed since."""
+        with suppress(BusUnavailable):  # the change is recorded all the same
             self.bus.order_restart(self.node_id, -math.inf)
 
     def forget_restart(self, *, failed: bool = False) -> bool:
