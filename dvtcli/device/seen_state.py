@@ -10,7 +10,13 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.can_ids import HEARTBEAT_BASE
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.objects import CONSUMER_HEARTBEAT, GUARD_TIME, LIFE_TIME_FACTOR, PRODUCER_HEARTBEAT
+from dvtcli.domain.objects import (
+    CONSUMER_HEARTBEAT,
+    GUARD_TIME,
+    LIFE_TIME_FACTOR,
+    LOGICAL_DEVICE,
+    PRODUCER_HEARTBEAT,
+)
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.process_data import drive_state
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -19,12 +25,12 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
 
 STATUSWORD = (0x6041, 0)
-#: How far the objects of a drive's axes are apart, and how many axes there may be (CiA 402-2, 6.2).
-AXIS, _AXES = 0x800, 8
+#: How many axes a drive may have (CiA 402-2, 6.2).
+_AXES = 8
 #: What tells the state of an axis, of each of them.
-STATUSWORDS = tuple((STATUSWORD[0] + axis * AXIS, STATUSWORD[1]) for axis in range(_AXES))
+STATUSWORDS = tuple((STATUSWORD[0] + axis * LOGICAL_DEVICE, STATUSWORD[1]) for axis in range(_AXES))
 #: What commands an axis to enable its operation, of each of them.
-CONTROLWORDS = frozenset((0x6040 + axis * AXIS, 0) for axis in range(_AXES))
+CONTROLWORDS = frozenset((0x6040 + axis * LOGICAL_DEVICE, 0) for axis in range(_AXES))
 #: Longest wait for a sign of life that confirms a state, where nothing says when the next one comes, in seconds.
 CONFIRM_S = 1.5
 #: How long a node may take to answer a node guarding request, in seconds.
@@ -116,13 +122,13 @@ def seen_states(accesses: Mapping[int, NodeAccess], wanted: NmtState) -> dict[in
 def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
     """Why a reset of *node_id* may release a motor: an axis is "operation enabled", or unknown; else empty.
 
-    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). Each is read with the usual retries, since one lost
+    A drive has up to eight axes (CiA 402-2, 6.2). Each is read with the usual retries, since one lost
     answer does not mean standstill; a STOPPED node answers no SDO and is not asked.
     """
     if bus.nmt_state(node_id) is NmtState.STOPPED:
         return "is STOPPED, so its statusword cannot be read"
     for axis in range(_AXES):
-        index = STATUSWORD[0] + axis * AXIS
+        index = STATUSWORD[0] + axis * LOGICAL_DEVICE
         try:
             data = bus.sdo(node_id).upload(index, STATUSWORD[1])
         except SdoAborted as aborted:

@@ -12,12 +12,14 @@ from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.objects import (
     DEVICE_TYPE,
     ERROR_FIELD,
+    LOGICAL_DEVICE,
     MANUFACTURER_AREA,
     PROFILE_AREA,
     RESTORE_PARAMETERS,
     SAFETY,
     STORE_PARAMETERS,
     VERIFY_CONFIGURATION,
+    in_first,
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.process_data import is_named_as_process_data, is_named_as_setting, pdo_may_carry, rpdo_may_take
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
 
 DRIVE = 402
 _IO_MODULE, _MEASURING, _ENCODER, _INCLINOMETER = 401, 404, 406, 410
-#: Index distance between axes, or logical devices (CiA 301, 7.4.1)
-_LOGICAL_DEVICE = 0x800
 _LAST_OF_FIRST = 0x67FF
 #: the upper half of 0x1000 if the device has several logical devices
 _SEVERAL = 0xFFFF
@@ -80,7 +80,7 @@ class DeviceTypes:
 
     def at(self, index: int) -> frozenset[int]:
         """Profile numbers that may define the object at *index* in `PROFILE_AREA`; 0 means any profile."""
-        device = (index - PROFILE_AREA.start) // _LOGICAL_DEVICE
+        device = (index - PROFILE_AREA.start) // LOGICAL_DEVICE
         if device in self.logical:
             return self.said | {self.logical[device]}
         return self.said | {0} if self.is_several and device else self.said
@@ -88,13 +88,8 @@ class DeviceTypes:
 
 def logical_types() -> Mapping[int, int]:
     """Index of each logical device's type, by number from 0 (CiA 301, 7.5.2.1)."""
-    devices = range(len(PROFILE_AREA) // _LOGICAL_DEVICE)
-    return {device: _LAST_OF_FIRST + device * _LOGICAL_DEVICE for device in devices}
-
-
-def in_first(index: int) -> int:
-    """The first logical device's index for *index* in `PROFILE_AREA`."""
-    return PROFILE_AREA.start + (index - PROFILE_AREA.start) % _LOGICAL_DEVICE
+    devices = range(len(PROFILE_AREA) // LOGICAL_DEVICE)
+    return {device: _LAST_OF_FIRST + device * LOGICAL_DEVICE for device in devices}
 
 
 def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:

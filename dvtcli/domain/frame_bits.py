@@ -5,7 +5,7 @@ Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 
 _CRC_15 = 0x4599
 #: CRC delimiter, acknowledge and its delimiter, seven end-of-frame bits: never stuffed
@@ -17,6 +17,7 @@ _FILL = 0b01010101
 _CRC_BITS = 15
 
 
+@cache
 def _crc_table() -> tuple[int, ...]:
     table = []
     for byte in range(256):
@@ -27,6 +28,7 @@ def _crc_table() -> tuple[int, ...]:
     return tuple(table)
 
 
+@cache
 def _stuff_table() -> tuple[tuple[int, int], ...]:
     """State after a byte and its stuff bits, for each state (last bit, number of equal bits) and byte.
 
@@ -45,7 +47,6 @@ def _stuff_table() -> tuple[tuple[int, int], ...]:
     return tuple(table)
 
 
-_CRC_TABLE, _STUFF_TABLE = _crc_table(), _stuff_table()
 _IDLE = 0b100
 
 
@@ -59,9 +60,10 @@ def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: b
     state, bits, crc = _head(can_id, len(data), extended, remote, len(sent))
     state, stuffed, crc_of_data = _body(state, sent)
     crc ^= crc_of_data
+    table = _stuff_table()
     # A bit unlike the last one fills the CRC's second byte: no stuff bit follows it.
-    state, stuffed_first = _STUFF_TABLE[state << 8 | crc >> 7]
-    return bits + stuffed + stuffed_first + _STUFF_TABLE[state << 8 | (crc << 1 & 0xFE | ~crc & 1)][1]
+    state, stuffed_first = table[state << 8 | crc >> 7]
+    return bits + stuffed + stuffed_first + table[state << 8 | (crc << 1 & 0xFE | ~crc & 1)][1]
 
 
 @lru_cache(maxsize=4096)
@@ -72,12 +74,13 @@ def _head(can_id: int, length: int, extended: bool, remote: bool, sent: int) -> 
     """
     content, bits = header(can_id, length, extended, remote)
     fill, crc = -bits % 8, 0
+    stuff_table, crc_table = _stuff_table(), _crc_table()
     state, total = _IDLE, bits + 8 * sent + _CRC_BITS + TRAILER + INTERFRAME
     for byte in ((_FILL & (1 << fill) - 1) << bits | content).to_bytes((bits + fill) // 8, "big"):
-        state, stuffed = _STUFF_TABLE[state << 8 | byte]
+        state, stuffed = stuff_table[state << 8 | byte]
         total += stuffed
     for byte in content.to_bytes((bits + 7) // 8, "big") + bytes(sent):  # leading zeros do not change a CRC
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+        crc = (crc << 8 & 0x7FFF) ^ crc_table[crc >> 7 ^ byte]
     return state, total, crc
 
 
@@ -85,10 +88,11 @@ def _head(can_id: int, length: int, extended: bool, remote: bool, sent: int) -> 
 def _body(state: int, data: bytes) -> tuple[int, int, int]:
     """State after *data*, its stuff bits from *state* on, and its own CRC."""
     total = crc = 0
+    stuff_table, crc_table = _stuff_table(), _crc_table()
     for byte in data:
-        state, stuffed = _STUFF_TABLE[state << 8 | byte]
+        state, stuffed = stuff_table[state << 8 | byte]
         total += stuffed
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+        crc = (crc << 8 & 0x7FFF) ^ crc_table[crc >> 7 ^ byte]
     return state, total, crc
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.objects import DEVICE_TYPE
+from dvtcli.domain.objects import DEVICE_TYPE, PROFILE_AREA, in_first
 from dvtcli.domain.scaling import Scaling, parse_factor, parse_offset, parse_scale
 
 #: scaling of an object without description
@@ -19,8 +19,6 @@ NOTHING = Scaling()
 _DRIVE = 402
 #: objects up to here have the types in CiA 301, whatever a file says
 _LAST_OF_CIA_301 = 0x1FFF
-#: index distance between axes or modules (CiA 301, 7.4.1: logical devices)
-_LOGICAL_DEVICE, _FIRST_STANDARDISED, _LAST_STANDARDISED = 0x800, 0x6000, 0x9FFF
 
 
 class ObjectRange(NamedTuple):
@@ -95,9 +93,7 @@ class Standard:
         Further axes of a drive have the objects of the first axis, each 0x800 higher (CiA 402-2, 7).
         """
         told = _profile_number(dictionary)
-        base = index
-        if _FIRST_STANDARDISED <= index <= _LAST_STANDARDISED:
-            base = _FIRST_STANDARDISED + (index - _FIRST_STANDARDISED) % _LOGICAL_DEVICE
+        base = in_first(index) if index in PROFILE_AREA else index
         if self.number == 301 or told in (None, self.number):
             return best(self.rules, base if self.number == _DRIVE else index, sub_index)
         known = dictionary is not None and index in dictionary and base in self.names

@@ -35,5 +35,12 @@ COMMUNICATION_AREA, MANUFACTURER_AREA, PROFILE_AREA = (
     range(0x2000, 0x6000),
     range(0x6000, 0xA000),
 )
+#: Index distance between logical devices, such as the axes of a drive (CiA 301, 7.4.1; CiA 402-2, 7)
+LOGICAL_DEVICE = 0x800
 #: Objects that CiA 301 requires of every device.
 MANDATORY = (DEVICE_TYPE, ERROR_REGISTER, IDENTITY)
+
+
+def in_first(index: int) -> int:
+    """The first logical device's index for *index* in `PROFILE_AREA`, which starts at a multiple of the distance."""
+    return PROFILE_AREA.start + index % LOGICAL_DEVICE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from dvtcli.domain.object_dictionary import Access, OdEntry, normalised
-from dvtcli.domain.objects import MANUFACTURER_AREA
+from dvtcli.domain.objects import MANUFACTURER_AREA, PROFILE_AREA, in_first
 
 
 def rpdo_may_take(entry: OdEntry) -> bool:
@@ -25,8 +25,6 @@ def may_be_commanded(entry: OdEntry) -> bool:
     return pdo_may_carry(entry) and entry.access.writable
 
 
-#: Index distance between axes, or logical devices (CiA 402-2, 7)
-_AXIS, _LAST = 0x800, 0x9FFF
 #: Controlword, target and demand objects of the first axis (CiA 402-2: 0x6040, 0x6042, 0x6071, 0x607A, 0x60B0…0x60B2,
 #: 0x60C1, 0x60FE, 0x60FF)
 _OF_DRIVES = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF})
@@ -45,9 +43,9 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
 
     A manufacturer-specific object counts if the file says that a PDO can carry it.
     """
-    if not 0x6000 <= index <= _LAST:
+    if index not in PROFILE_AREA:
         return index in MANUFACTURER_AREA and entry is not None and may_be_commanded(entry)
-    first = 0x6000 + (index - 0x6000) % _AXIS
+    first = in_first(index)
     return first in _OF_DRIVES or (first in _OF_OUTPUTS and entry is not None and may_be_commanded(entry))
 
 
@@ -58,7 +56,7 @@ def is_standard_command(index: int, entry: OdEntry | None) -> bool:
 
 def is_controlword(index: int) -> bool:
     """Whether the object at *index* is the controlword of an axis (CiA 402-2, 8.4.1)."""
-    return 0x6000 <= index <= _LAST and (index - 0x6000) % _AXIS == 0x40
+    return index in PROFILE_AREA and in_first(index) == 0x6040
 
 
 def answers_with_state(index: int) -> bool:

@@ -72,10 +72,15 @@ class NodeState:
             return self.number(index, sub_index)
         return _communication(config, sub_index) if index == pdo.communication_index else _mapping(config, sub_index)
 
+    def produces(self, index: int) -> bool:
+        """Whether bit 30 of the COB-ID at *index*, that of SYNC or TIME, makes the node its producer."""
+        cob_id = self.number(index)
+        return cob_id is not None and bool(cob_id & PRODUCES)
+
     @property
     def produces_sync(self) -> bool:
         """Whether the node produces SYNC: bit 30 of 0x1005, and a period in 0x1006."""
-        return bool((self.number(COB_ID_SYNC) or 0) & PRODUCES and self.number(CYCLE_PERIOD))
+        return self.produces(COB_ID_SYNC) and bool(self.number(CYCLE_PERIOD))
 
     @property
     def heartbeat_ms(self) -> int:

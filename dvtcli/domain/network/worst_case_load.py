@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from dvtcli.domain.can_ids import HEARTBEAT_BASE
-from dvtcli.domain.cob_id import PRODUCES, SYNC_BY_DEFAULT
+from dvtcli.domain.cob_id import SYNC_BY_DEFAULT
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.frame_bits import least_frame_bits, most_frame_bits
 from dvtcli.domain.network.network_config import Endpoint
@@ -303,7 +303,7 @@ def _sync(identifier: Identifier, data_bytes: int, period_us: int, node: int | N
 
 def _times(state: NetworkState) -> Iterator[Stream]:
     for node in state.nodes:
-        if (node.number(COB_ID_TIME) or 0) & PRODUCES:
+        if node.produces(COB_ID_TIME):
             frame = _frame(node.time, 6, TIME_US)
             yield Stream("time", "TIME", frame, "assumed", node.node_id, deadline_us=TIME_US, assumed=True)
 

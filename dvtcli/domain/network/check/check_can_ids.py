@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 
 from dvtcli.domain.can_ids import EMCY_BASE, LSS_REQUEST_ID, LSS_RESPONSE_ID
-from dvtcli.domain.cob_id import PRODUCES, SYNC_BY_DEFAULT, taken_by_channels
+from dvtcli.domain.cob_id import SYNC_BY_DEFAULT, taken_by_channels
 from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.network_state import Identifier, NodeState, identifier_of, identifier_text
@@ -104,7 +104,7 @@ def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
 @check("can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", source(0x1012))
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
     """The PDO's data would be taken for a time."""
-    times = {node.time for node in network.nodes if (node.number(COB_ID_TIME) or 0) & PRODUCES}
+    times = {node.time for node in network.nodes if node.produces(COB_ID_TIME)}
     return _enabled_among(network, dict.fromkeys(times, "TIME"))
 
 
@@ -174,7 +174,7 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
 @check("time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", source(0x1012))
 def time_ids_differ(network: CheckedNetwork) -> NetFound:
     """The node's clock is never set."""
-    producers = [node for node in network.nodes if (node.number(COB_ID_TIME) or 0) & PRODUCES]
+    producers = [node for node in network.nodes if node.produces(COB_ID_TIME)]
     for node in network.nodes:
         waits = (node.number(COB_ID_TIME) or 0) >> 31
         if producers and waits and all(node.time != other.time for other in producers):
@@ -187,7 +187,7 @@ def two_times(network: CheckedNetwork) -> NetFound:
     """Clocks jump."""
     seen: dict[Identifier, int] = {}
     for node in network.nodes:
-        if (node.number(COB_ID_TIME) or 0) & PRODUCES:
+        if node.produces(COB_ID_TIME):
             other = seen.setdefault(node.time, node.node_id)
             if other != node.node_id:
                 yield held(node, COB_ID_TIME), f"node {other} sends it, too"

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from dvtcli.domain.cob_id import can_id_text
+from dvtcli.domain.frame import layout as fields_of
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, PdoConnection, at
 from dvtcli.domain.network.links import LinkSide
@@ -107,12 +108,13 @@ def frame_too_long(network: CheckedNetwork) -> NetFound:
 def layout(network: CheckedNetwork) -> NetFound:
     """The received value mixes two objects."""
     for connection in _whole(network):
-        for start, received in _starts(connection.takes.mapping):
-            sent = [entry for first, entry in _starts(connection.sends.mapping)
-                    if first < start + received.bits and start < first + entry.bits]  # fmt: skip
-            if len(sent) > 1 and not received.is_dummy:
+        for received in fields_of(connection.takes.mapping):
+            sent = [field.entry for field in fields_of(connection.sends.mapping)
+                    if field.start_bit < received.end_bit and received.start_bit < field.end_bit]  # fmt: skip
+            if len(sent) > 1 and not received.entry.is_dummy:
                 text = (
-                    f"{received.object} receives parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
+                    f"{received.entry.object} receives parts of {sent[0].object} and {sent[1].object} "
+                    f"of {connection.sender}"
                 )
                 yield connection.spot, text
 
@@ -257,20 +259,13 @@ def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
             yield connection
 
 
-def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMappingEntry]]:
-    start = 0
-    for entry in mapping:
-        yield start, entry
-        start += entry.bits
-
-
 def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
     """Each received object with the sent object around it."""
     for connection in _whole(network):
-        for start, received in _starts(connection.takes.mapping):
-            for first, sent in _starts(connection.sends.mapping):
-                if first <= start and start + received.bits <= first + sent.bits and not received.is_dummy:
-                    yield connection, received, sent
+        for received in (field for field in fields_of(connection.takes.mapping) if not field.entry.is_dummy):
+            for sent in fields_of(connection.sends.mapping):
+                if sent.start_bit <= received.start_bit and received.end_bit <= sent.end_bit:
+                    yield connection, received.entry, sent.entry
 
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")

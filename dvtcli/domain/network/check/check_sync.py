@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
 from dvtcli.domain.objects import COB_ID_SYNC, CYCLE_PERIOD, SYNC_OVERFLOW, SYNC_WINDOW
@@ -66,7 +65,7 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
 def sync_without_period(network: CheckedNetwork) -> NetFound:
     """The node sends no SYNC."""
     for node in network.described:
-        if (node.number(COB_ID_SYNC) or 0) & PRODUCES and not node.number(CYCLE_PERIOD):
+        if node.produces(COB_ID_SYNC) and not node.number(CYCLE_PERIOD):
             yield held(node, CYCLE_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
 
 
