@@ -113,6 +113,7 @@ def test_what_is_typed(short: str, text: str, data: str) -> None:
         ("os", "0xABC"),
         ("t", "5"),
         ("t", "70000:0"),
+        ("t", f"0:{1 << 28}"),  # CiA 301: 28 bits of milliseconds
     ],
 )
 def test_what_does_not_fit_is_a_value_error(short: str, text: str) -> None:

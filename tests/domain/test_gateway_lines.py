@@ -7,6 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.domain.gateway_requests import (
+    Around,
     Nmt,
     Order,
     PdoEntry,
@@ -18,6 +19,7 @@ from dvtcli.domain.gateway_requests import (
     WritePdo,
     format_request,
     parse_request,
+    plan_lines,
 )
 from dvtcli.domain.gateway_words import (
     LONGEST_LINE,
@@ -28,7 +30,9 @@ from dvtcli.domain.gateway_words import (
     value_text,
     words_of,
 )
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.domain.gateway_requests import REQUESTS, data_of_type
 
 
@@ -39,11 +43,32 @@ def test_what_is_written_is_read_back(request_: Request) -> None:
     assert parse_request(f"{line} # a comment") == request_
 
 
+@example(("os", b""))
+@example(("us", b""))
+@example(("vs", b""))
 @given(st.sampled_from(sorted(TYPES)).flatmap(lambda name: st.tuples(st.just(name), data_of_type(name))))
 def test_a_value_is_read_back(typed: tuple[str, bytes]) -> None:
     name, data = typed
     again = data_of(name, words_of(value_text(name, data)))
     assert again == (data.rstrip(b"\0") if name == "vs" else data)
+
+
+def test_no_bytes_are_no_number() -> None:
+    with pytest.raises(ValueError, match="takes 2 bytes, not 0"):
+        value_text("u16", b"")
+
+
+@pytest.mark.parametrize(
+    ("length", "type_name"), [(1, "u8"), (2, "u16"), (4, "u32"), (7, "u56"), (8, "u64"), (9, "os"), (20, "os")]
+)
+def test_a_planned_write_is_a_number_if_its_length_allows(length: int, type_name: str) -> None:
+    data = bytes(range(1, length + 1))
+    change = ValueChange(Step(0x2000, 1, None, data, "write"))
+    node = NodePlan("drive", Plan(4, (change,)), {"vendor": 0x1E, "product": 7, "revision": None})
+    lines = plan_lines(NetworkPlan("net.yaml", (node,)), {4: Around()})
+    assert "#! require 4:identity vendor=0x0000001E product=0x00000007" in lines
+    (asked,) = filter(None, map(parse_request, lines))
+    assert asked == Request(1, None, 4, Write(0x2000, 1, type_name, data))
 
 
 def parsed(line: str) -> Request | GatewayRequestError | None:
@@ -119,6 +144,8 @@ def test_nothing_is_asked(line: str) -> None:
         ("[1] set tpdo 1 0x181 now 0", "event, rtr or sync"),
         ("[1] set tpdo 1 0x181 event 2 u8", "1 entries follow"),
         ("[1] w p 1 3 1 2", "2 values follow"),
+        ("[1] r pdo", "number of a PDO is missing"),
+        ("[1] r pdo 1 2", "or more follows"),
         ("[1] 4 r 0x1000 0 \x1b[2J", "not ASCII"),
         ("[1] fly", "not a command of the gateway"),
     ],

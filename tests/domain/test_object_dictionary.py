@@ -5,6 +5,7 @@ import pytest
 from dvtcli.domain.datatypes import U8, U16, U32
 from dvtcli.domain.object_dictionary import (
     Access,
+    DeviceInfo,
     ObjectDictionary,
     ObjectType,
     OdEntry,
@@ -122,3 +123,9 @@ def test_cob_ids_of_services_are_the_standard_s_where_a_file_tells_none(
     assert standard_default(*place, 9) == cob_id
     data = OdEntry(*place, "COB-ID", U32).at_power_on(9)
     assert data == (None if cob_id is None else cob_id.to_bytes(4, "little"))
+
+
+@pytest.mark.parametrize(("held", "known"), [(0, None), (1, 1), (0xFFFF_FFFE, 0xFFFF_FFFE), (0xFFFF_FFFF, None)])
+def test_a_number_of_the_identity_that_nobody_set_is_none(held: int, known: int | None) -> None:
+    info = DeviceInfo(vendor_id=held, product_code=held, revision_number=held)
+    assert info.identity == dict.fromkeys(("vendor", "product", "revision"), known)

@@ -10,6 +10,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from dvtcli.domain.datatypes import U32
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.object_scalings import ObjectRange, ScalingRule, Standard
 from dvtcli.domain.scaling import (
     Scaling,
     State,
@@ -233,3 +236,35 @@ def test_raw_stands_beside_a_word_unless_the_word_is_its_quantity() -> None:
     named = Scaling("V", values={5: "5 V", 6: "six"})
     assert [named.text(raw) for raw in (5, 6, 7)] == ["5 V", "six (6)", "7 V"]
     assert Scaling("V", Fraction(1, 2), values={5: "2.5 V"}).text(5) == "2.5 V (5)"
+
+
+def described(device_type: int, names: dict[int, str]) -> ObjectDictionary:
+    """A device of this type (0x1000) with objects of these names."""
+
+    def held(index: int, name: str, default: bytes) -> OdObject:
+        return OdObject(index, name, ObjectType.VAR, {0: OdEntry(index, 0, name, U32, Access.RO, default=default)})
+
+    objects = {0x1000: held(0x1000, "Device type", device_type.to_bytes(4, "little"))}
+    return ObjectDictionary(objects | {index: held(index, name, bytes(4)) for index, name in names.items()})
+
+
+@pytest.mark.parametrize(
+    ("device_type", "index", "name", "known"),
+    [
+        (0x0002_0192, 0x6064, "", True),
+        (0x0002_0192, 0x6864, "", True),  # of the second axis
+        (0x0002_0192, 0x6065, "", False),
+        (0x0003_0191, 0x6064, "Position actual value", True),  # a drive's object in an I/O module's file
+        (0x0003_0191, 0x6864, "Position actual value", True),
+        (0x0003_0191, 0x6064, "Limit", False),
+        (0x0003_0191, 0x6064, "", False),
+    ],
+)
+def test_a_profile_counts_for_its_devices_and_for_objects_with_its_names(
+    device_type: int, index: int, name: str, known: bool
+) -> None:
+    rules = {ObjectRange(0x6064, 0x6064): ScalingRule(SIXTEENTH)}
+    profile = Standard(402, rules, {0x6064: "position_actual_value"})
+    dictionary = described(device_type, {index: name} if name else {})
+    assert profile.rule(index, 0, dictionary) == (SIXTEENTH if known else None)
+    assert profile.rule(index, 0, None) == (None if index == 0x6065 else SIXTEENTH)

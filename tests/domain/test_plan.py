@@ -6,8 +6,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import Plan, Step, ValueChange, alters, plan_pdo, writes_cob_id
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
+from dvtcli.domain.plan import Plan, Step, ValueChange, alters, only_cob_id, plan_pdo, writes_cob_id
 from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, memory_of, pdos
 
 Pair = tuple[PdoConfig, PdoConfig]
@@ -51,6 +52,18 @@ def test_only_a_pdo_s_cob_id_is_one(pdo: Pdo) -> None:
     other = ValueChange(Step(0x1017, 0, None, bytes(2), "write"))
     moved = ValueChange(Step(communication, 1, None, bytes(4), "write"))
     assert writes_cob_id(Plan(5, (other, moved)))
+
+
+def test_a_pdo_that_is_only_switched_gets_its_cob_id_only() -> None:
+    pdo = Pdo.parse("tpdo1")
+    enabled = PdoConfig(PdoCommunicationParameter(CobId(0x181), 255), ())
+    disabled = enabled.disabled()
+    other = replace(disabled, communication=replace(disabled.communication, transmission_type=1))
+    assert only_cob_id(plan_pdo(pdo, enabled, disabled))
+    assert not only_cob_id(plan_pdo(pdo, disabled, other))
+    assert not only_cob_id(plan_pdo(pdo, enabled, other))
+    assert not only_cob_id(plan_pdo(pdo, enabled, enabled))
+    assert not only_cob_id(ValueChange(Step(pdo.communication_index, 1, None, bytes(4), "write")))
 
 
 @given(pdos, config_pairs())

@@ -7,7 +7,7 @@ from dataclasses import replace
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import plan_pdo
-from dvtcli.domain.script_line import backup_lines, change_line
+from dvtcli.domain.script_line import backup_lines, change_line, end_state
 
 
 def config(raw: int, *entries: int, mpdo: int | None = None) -> PdoConfig:
@@ -78,3 +78,8 @@ def test_another_first_object_of_a_multiplexed_pdo_is_mapped_before() -> None:
             "set tpdo1 --mpdo dam",
             "enable tpdo1",
         ]
+
+
+def test_of_states_an_end_state_keeps_what_a_node_needs_to_take_the_other_lines() -> None:
+    lines = ["fpo 3 pre", "login 4", "write 1017:00 500", "write 1017:00 700", "fpo 3 op", "nmt preop"]
+    assert end_state(lines, {}, {}) == ["fpo 3 pre", "login 4", "nmt preop", "write 1017:00 700"]

@@ -66,3 +66,10 @@ def test_other_ways_of_writing(text: str, frame: Frame) -> None:
 def test_what_is_no_frame_says_why(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         typed_frame(text)
+
+
+def test_a_frame_is_a_line_of_400_characters_at_most() -> None:
+    frame = " 185#1027"
+    assert typed_frame(frame.rjust(400, "x")) == Frame(0x185, b"\x10\x27")
+    with pytest.raises(ValueError, match="one short line"):
+        typed_frame(frame.rjust(401, "x"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -92,6 +93,11 @@ def test_a_consumer_that_gives_up_sooner_sets_the_deadline() -> None:
 def test_synchronous_rpdos_that_no_node_feeds_are_the_masters() -> None:
     state = NetworkState((node(5, {RPDO1: pdo(0x205, 1)}),), MasterRole(sync_period_us=10_000))
     assert one(state, "rpdo").frame.period_us == 10_000
+    said = "\n".join(streams_of(state).assumed)
+    assert "a master sends these PDOs on each SYNC: 5:rpdo1" in said
+    assert "not counted" not in said
+    unsynchronised = streams_of(NetworkState(state.nodes)).assumed
+    assert "no node of the network transmits what 5:rpdo1 receives: not counted" in unsynchronised
     fed = NetworkState((*state.nodes, node(6, {TPDO1: pdo(0x205, timer=10)})), state.master)
     assert not [stream for stream in streams_of(fed).streams if stream.kind == "rpdo"]
     event = streams_of(NetworkState((node(5, {RPDO1: pdo(0x205)}),)))
@@ -138,3 +144,20 @@ def test_a_bus_that_is_too_slow() -> None:
     assert need.total == Fraction(108, 100)
     assert [row.stream.label for row in need.late] == ["TPDO1"]
     assert fitting_bit_rates(streams_of(state)) == (500_000, 800_000, 1_000_000)
+
+
+def test_a_frame_in_time_to_the_microsecond_is_not_late() -> None:
+    state = NetworkState((node(1, {TPDO1: pdo(0x181, inhibit=10, bits=64)}),))
+    (row,) = worst_case_load(streams_of(state), 500_000).needs
+    assert row.stream.deadline_us == 1000
+    assert not replace(row, response_us=Fraction(1000)).is_late
+    assert replace(row, response_us=Fraction(1001)).is_late
+    assert replace(row, response_us=None).is_late
+
+
+def test_a_tpdo_that_only_its_event_timer_limits_is_named() -> None:
+    pdos = {TPDO1: pdo(0x181, timer=20), TPDO2: pdo(0x281, inhibit=100, timer=20)}
+    said = "1 TPDO without inhibit time is sent by the event timer only: 1:tpdo1"
+    assert said in streams_of(NetworkState((node(1, pdos),))).assumed
+    limited = streams_of(NetworkState((node(1, {TPDO2: pdos[TPDO2]}),))).assumed
+    assert "event timer" not in "\n".join(limited)

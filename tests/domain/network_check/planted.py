@@ -265,6 +265,7 @@ PLANTED = (
     Planted("emcy-can-id", holds(5, x1014=0x080)),
     Planted("emcy-can-id", holds(5, x1014=0x581)),
     Planted("emcy-of-other", holds(5, x1014=0x09B)),
+    Planted("emcy-of-other", holds(5, x1014=0x0FF)),
     Planted("sync-can-id", holds(10, x1005=0x4000_0700 | 1)),
     Planted("sync-ids-differ", holds(5, x1005=0x90)),
     Planted("time-ids-differ", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x8000_0110))),

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from dvtcli.domain.lint import ERROR
-from dvtcli.domain.network.check.checked_network import CheckedNetwork
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot, judged_pdos, mark_of
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
+from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.ports import Frame
 from tests.domain.network_check.planted import (
     BIT_RATE,
     PLANTED,
     SOUND,
+    T1,
     T2,
     Planted,
     also,
@@ -114,3 +118,42 @@ def test_a_can_id_of_29_bits_has_eight_digits(rule: str, change: Any, wanted: st
     planted = Planted(rule, received=change) if rule == "from-nobody" else Planted(rule, change)
     texts = [text for _, _, text in network_findings(planted.network, {rule})]
     assert any(wanted in text for text in texts), texts
+
+
+_ABSENT = pdo(0x333, entry(0x6099), inhibit=1000)
+
+
+@pytest.mark.parametrize(
+    ("config", "named", "judged"),
+    [
+        (_ABSENT, False, True),
+        (_ABSENT.disabled(), False, False),
+        (_ABSENT.disabled(), True, True),
+        (replace(_ABSENT, unread=((0x1A01, 2),)), True, False),
+        (replace(_ABSENT, mpdo=0xFF), True, False),
+    ],
+    ids=["enabled", "disabled", "disabled, but named", "inconsistent", "multiplexed"],
+)
+def test_a_pdo_is_judged_if_it_is_enabled_or_named_and_whole(config: PdoConfig, named: bool, judged: bool) -> None:
+    state = also(has(5, T2, config), node(5, marks={T2: Mark(7)} if named else {}))(SOUND)
+    assert any(which == T2 for which, _ in judged_pdos(state.nodes[1])) is judged
+
+
+def test_a_finding_about_a_mapping_is_at_its_entry() -> None:
+    """The sub-index in a finding's place is hexadecimal."""
+    entries = (*[entry(0x6061, 4)] * 15, entry(0x6099, 4))
+    planted = Planted("object-exists", has(5, T2, pdo(0x333, *entries, inhibit=1000)))
+    assert [spot for _, spot, _ in network_findings(planted.network, {"object-exists"})] == [NetSpot(5, T2, 0x1A01, 16)]
+
+
+@pytest.mark.parametrize(
+    ("spot", "line"),
+    [
+        (NetSpot(), 0), (NetSpot(99), 0), (NetSpot(5), 3), (NetSpot(5, T1), 4), (NetSpot(5, T2), 3),
+        (NetSpot(5, None, 0x1017), 9), (NetSpot(5, None, 0x1017, 1), 3), (NetSpot(5, T1, 0x1800, 5), 6),
+    ],
+)  # fmt: skip
+def test_the_place_in_the_file_is_that_of_the_object_the_pdo_or_the_node(spot: NetSpot, line: int) -> None:
+    places = {(0x1017, 0): Mark(9), (0x1800, 5): Mark(6)}
+    state = node(5, mark=Mark(3), marks={T1: Mark(4)}, places=places)(SOUND)
+    assert mark_of(state, spot) == (Mark(line) if line else NOWHERE)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import pytest
 
 from dvtcli.files.device_lint import RULES
 from dvtcli.files.eds.findings import EdsFinding
-from tests.files.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section
-from tests.files.lint.sample import NAME, SOUND, found, record
+from tests.files.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section, section, without
+from tests.files.lint.sample import NAME, SOUND, found, record, var
 
 #: what is no file of that name, or with other line ends, than the sound one
 ELSEWHERE = {"lf", "valve.eds"}
@@ -18,6 +19,11 @@ ELSEWHERE = {"lf", "valve.eds"}
 def checked(text: str, name: str) -> tuple[EdsFinding, ...]:
     """What all rules say of a file called *name*; `lf`: one whose lines end so."""
     return found(text.encode()) if name == "lf" else found(text, name)
+
+
+def objects_of(rule: str, text: str) -> list[str]:
+    """The objects in which *rule* finds something in *text*."""
+    return [one.object for one in found(text) if one.rule == rule]
 
 
 def expected_line(case: Planted) -> int:
@@ -105,11 +111,46 @@ def test_there_are_rules_enough_and_each_says_what_it_is() -> None:
         assert rule.source, rule.name
 
 
-def test_a_finding_names_object_and_type() -> None:
-    (one,) = found(SOUND.replace("HighLimit=500", "HighLimit=99"))
+@pytest.mark.parametrize(
+    ("default", "limit", "said"), [("100", "99", "100 (0x64) is above HighLimit 99 (0x63)"),
+                                   ("10", "9", "10 (0xA) is above HighLimit 9")],
+)  # fmt: skip
+def test_a_finding_names_object_and_type(default: str, limit: str, said: str) -> None:
+    text = in_section("2000", "DefaultValue=100", f"DefaultValue={default}")
+    (one,) = found(text.replace("HighLimit=500", f"HighLimit={limit}"))
     assert (one.rule, one.object, one.text) == (
-        "default-outside-limits", "2000:00", "2000:00 INTEGER16: DefaultValue 100 (0x64) is above HighLimit 99 (0x63)",
+        "default-outside-limits", "2000:00", f"2000:00 INTEGER16: DefaultValue {said}",
     )  # fmt: skip
+
+
+def test_a_default_is_judged_by_its_object_and_by_its_bits() -> None:
+    for rule, index, default, finds in (
+        ("service-can-id", "1005", "0x00000581", True),
+        ("service-can-id", "1005", "0x80000581", True),  # bit 31 has no meaning there
+        ("service-can-id", "1014", "0x00000581", True),
+        ("service-can-id", "1014", "0x80000581", False),  # EMCY is disabled
+        ("fixed-cob-id", "1014", "0x00000081", True),
+        ("fixed-cob-id", "1014", "0x80000081", False),
+        ("profile-objects", "1000", "0x00020192", True),
+        ("profile-objects", "1000", "0x00030191", False),
+    ):
+        (line,) = (line for line in section(index).splitlines() if line.startswith("DefaultValue="))
+        text = in_section(index, line, f"DefaultValue={default}")
+        assert objects_of(rule, text) == [f"{index}:00"] * finds, (rule, index, default)
+
+
+def test_an_io_module_has_an_input_or_an_output() -> None:
+    text = SOUND
+    for index in re.findall(r"(?m)^\[(6\w{3})\]", SOUND):
+        assert objects_of("profile-objects", text) == []
+        text = without(index, text)
+    assert objects_of("profile-objects", text) == ["1000:00"]
+
+
+def test_the_sync_counter_overflows_at_2_to_240() -> None:
+    for counted, finds in ((0, False), (1, True), (2, False), (240, False), (241, True)):
+        text = SOUND + var("1019", "SYNC counter", 5, "rw", str(counted))
+        assert objects_of("sync-counter", text) == ["1019:00"] * finds, counted
 
 
 def test_a_bit_rate_that_the_standard_lacks_is_no_slip_of_the_pen() -> None:

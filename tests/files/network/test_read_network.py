@@ -17,6 +17,7 @@ from dvtcli.domain.network.network_config import (
     NetworkConfig,
     NodeConfig,
     PartialPdoConfig,
+    ValueConfig,
 )
 from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.errors import InputFileError
@@ -391,3 +392,33 @@ def test_more_nodes_than_a_network_has_are_refused_before_defaults_are_laid_unde
     with pytest.raises(InputFileError) as refused:
         read_network(text, "net.yaml")
     assert [one.text for one in refused.value.complaints] == ["128 nodes are in this file, and a network has 127"]
+
+
+def test_each_requested_object_has_its_place() -> None:
+    """A finding about an object is shown at the key or the word that asks for it."""
+    (node,) = read("""\
+        a:
+          node_id: 2
+          heartbeat_producer: 500
+          product_code: 7
+          tpdo:
+            1:
+              transmission: 1
+              mapping:
+                - 6041
+                - 6061
+          rpdo:
+            2: {mapping: [dummy/8, 6060]}
+          sdo:
+            - {index: 0x6081, value: 1}
+        """).nodes
+    assert {place: mark.line for place, mark in node.marks.items()} == {
+        (0x1017, 0): 3, (0x1018, 2): 4, (0x1800, 2): 7, (0x1A00, 0): 8, (0x1A00, 1): 9, (0x1A00, 2): 10,
+        (0x1601, 0): 12, (0x6081, 0): 14,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["Target position", "6C011:1"])
+def test_a_value_whose_object_is_a_name_or_malformed_has_no_place(name: str) -> None:
+    values = tuple(ValueConfig(FileWord(word, Mark(4)), FileWord("1")) for word in (name, "6081:00"))
+    assert NodeConfig("a", 2, values=values).marks == {(0x6081, 0): Mark(4)}
