@@ -6,8 +6,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.frame_bits import INTERFRAME, TRAILER, frame_bits, header
+from dvtcli.domain.frame_bits import (
+    INTERFRAME,
+    TRAILER,
+    _crc_table,
+    _stuff_table,
+    arbitration,
+    frame_bits,
+    header,
+    least_frame_bits,
+    most_frame_bits,
+)
 from dvtcli.domain.ports import Frame
+
+
+@pytest.fixture(autouse=True)
+def no_tables() -> None:
+    """Each test makes the tables that are otherwise made once: any of them may show a fault there."""
+    for made in (_crc_table, _stuff_table):
+        made.cache_clear()
 
 
 def unstuffed_bits(length: int, extended: bool = False, remote: bool = False) -> int:
@@ -84,7 +101,7 @@ def test_a_sync_bit_by_bit() -> None:
     bits = stuffed.replace("(1)", "").replace(" ", "")
     assert bits == header + crc
     assert bitwise(Frame(0x080, b"")) == stuffed.replace("(", "").replace(")", "").replace(" ", "")
-    assert bits_of(Frame(0x080, b"")) == 19 + 15 + 4 + 10 + 3
+    assert bits_of(Frame(0x080, b"")) == frame_bits(0x080) == 19 + 15 + 4 + 10 + 3
 
 
 @given(frames)
@@ -112,7 +129,13 @@ def test_stuffing_stays_within_its_worst_case(frame: Frame) -> None:
 )
 def test_least_and_most(length: int, extended: bool, remote: bool, least: int, most: int) -> None:
     assert unstuffed_bits(length, extended, remote) == least
+    assert least_frame_bits(length, extended=extended, remote=remote) == least
     assert worst_case_bits(length, extended, remote) == most
+    assert most_frame_bits(length, extended=extended, remote=remote) == most
+
+
+def test_a_frame_is_one_of_11_bits_with_data_if_nothing_else_is_said() -> None:
+    assert (least_frame_bits(8), most_frame_bits(8)) == (111, 135)
 
 
 def test_stuff_bits_of_the_crc_count() -> None:
@@ -120,3 +143,20 @@ def test_stuff_bits_of_the_crc_count() -> None:
     behind = [Frame(can_id, b"") for can_id in range(0x800) if bitwise(Frame(can_id, b""))[-6:] in ("000001", "111110")]
     assert behind
     assert all(bits_of(frame) == stuffed_bitwise(frame) for frame in behind)
+
+
+def test_every_byte_of_data_counts_as_a_controller_counts_it() -> None:
+    for byte in range(256):
+        frame = Frame(0x181, bytes([byte, 255 - byte]))
+        assert bits_of(frame) == stuffed_bitwise(frame), byte
+
+
+def test_arbitration_is_won_by_the_first_dominant_bit() -> None:
+    """ISO 11898-1: the lower CAN-ID, data before a remote frame, 11 bits before 29 that begin with the same 11."""
+    extended = 0x100 << 18
+    winners_first = [
+        (0x0FF, False, True), (0x100, False, False), (0x100, False, True), (extended, True, False),
+        (extended, True, True), (extended | 1, True, False), (0x101, False, False), (0x101 << 18, True, False),
+    ]  # fmt: skip
+    ranks = [arbitration(can_id, extended=is_long, remote=remote) for can_id, is_long, remote in winners_first]
+    assert ranks == sorted(set(ranks))
