@@ -12,6 +12,7 @@ from dvtcli.domain.configuration import Configuration, DeviceTypes, configuratio
 from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.process_data import is_command
 from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
 from dvtcli.files.profiles import load_profile
 
@@ -320,3 +321,14 @@ def test_naming_objects_lifts_only_what_may_be_lifted(one: OdEntry, known: Confi
     asked = Configuration(known.profile, known.types, included=EVERYTHING).why_not(one)
     assert asked in (unasked, None)
     assert unasked is asked or (unasked is not None and unasked.is_lifted_by_include)
+
+
+def test_a_command_is_told_by_its_index_or_by_its_file() -> None:
+    commands = [entry(0x6040), entry(0x6840), entry(0x9FFF - 0x7FF + 0x40), entry(0x607A, mapped=False)]
+    commands += [entry(0x6200, 1, mapped=True), entry(0x6A00, 1, mapped=True), entry(0x2000, mapped=True)]
+    others = [entry(0x6083, mapped=True), entry(0x6200, 1), entry(0x2000), entry(0x2000, access="ro", mapped=True)]
+    others += [entry(0x1017, mapped=True), entry(0xA040, mapped=True)]
+    assert [one.object for one in (*commands, *others) if is_command(one.index, one)] == [
+        one.object for one in commands
+    ]
+    assert [is_command(index, None) for index in (0x6040, 0x6200, 0x2000, 0x1017)] == [True, False, False, False]

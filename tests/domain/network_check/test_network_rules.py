@@ -13,14 +13,17 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot,
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import NetworkState
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
 from tests.domain.network_check.planted import (
     BIT_RATE,
     PLANTED,
+    R1,
+    R2,
     SOUND,
     T1,
     T2,
+    Change,
     Planted,
     also,
     concise,
@@ -28,6 +31,8 @@ from tests.domain.network_check.planted import (
     has,
     hears,
     holds,
+    lacks,
+    master,
     node,
     pdo,
 )
@@ -157,3 +162,167 @@ def test_the_place_in_the_file_is_that_of_the_object_the_pdo_or_the_node(spot: N
     places = {(0x1017, 0): Mark(9), (0x1800, 5): Mark(6)}
     state = node(5, mark=Mark(3), marks={T1: Mark(4)}, places=places)(SOUND)
     assert mark_of(state, spot) == (Mark(line) if line else NOWHERE)
+
+
+def _synchronous(takes: int, sends: int) -> Change:
+    """A TPDO of transmission type *sends* for an RPDO of type *takes*."""
+    return also(
+        has(1, T1, pdo(0x181, entry(0x6040), entry(0x6071), kind=sends)),
+        has(5, R1, pdo(0x181, entry(0x6040), entry(0x6071), kind=takes)),
+    )
+
+
+_PARTS = pdo(0x181, entry(0x6060, 8), entry(5, 8), entry(0x6071), kind=1)
+_STATUS_ONLY = entry(0x6041)
+
+
+@pytest.mark.parametrize(
+    ("rule", "change", "said"),
+    [
+        ("too-long", has(5, T2, pdo(0x333, *[_STATUS_ONLY] * 4)), ""),
+        ("too-long", has(5, T2, pdo(0x333, *[_STATUS_ONLY] * 4, entry(5, 1))), "65 bits"),
+        ("synchronous-consumer", _synchronous(240, 254), "type 240"),
+        ("synchronous-consumer", _synchronous(0, 255), "type 255"),
+        ("synchronous-consumer", _synchronous(241, 254), ""),  # 241 to 251 are reserved
+        ("synchronous-consumer", _synchronous(240, 253), ""),  # sent on request
+        ("frame-format", has(5, R2, pdo(0x181, entry(0x6042), extended=True)), "waits for 29 bits, 0x181 is sent"),
+        ("frame-format", also(has(1, T2, pdo(0x2AB, _STATUS_ONLY, extended=True)),
+                              has(5, R2, pdo(0x2AB, entry(0x6042)))), "waits for 11 bits, 0x000002AB is sent"),
+        ("frame-format", also(has(1, T2, pdo(0x2AB, _STATUS_ONLY, extended=True)),
+                              has(5, R2, pdo(0x2AB, entry(0x6042), extended=True))), ""),
+        ("frame-format", has(5, R2, pdo(0x2AB, entry(0x6042))), ""),
+        ("takes-nothing", has(5, R1, pdo(0x181)), "maps nothing"),
+        ("takes-nothing", has(5, R1, pdo(0x181, entry(6))), "maps dummies only"),
+        ("part-of-object", has(5, R1, _PARTS), "8 of the 16 bits"),
+        ("part-of-object", also(has(5, R1, _PARTS), node(5, unresolved=frozenset({R1}))), ""),
+        ("part-of-object", also(has(5, R1, _PARTS), node(1, unresolved=frozenset({T1}))), ""),
+        ("part-of-object", has(5, R1, replace(_PARTS, unread=((0x1600, 4),))), ""),
+        ("part-of-object", has(5, R1, replace(_PARTS, mpdo=0xFF)), ""),
+    ],
+)  # fmt: skip
+def test_a_rule_begins_where_the_standard_says(rule: str, change: Change, said: str) -> None:
+    texts = [text for _, _, text in network_findings(Planted(rule, change).network, {rule})]
+    assert len(texts) == bool(said), texts
+    assert said in "".join(texts)
+
+
+def _tpdo(number: int, can_id: int, node_id: int = 5, **more: Any) -> Change:
+    """A further TPDO of node *node_id*."""
+    return has(node_id, Pdo.parse(f"tpdo{number}"), pdo(can_id, _STATUS_ONLY, inhibit=1000, **more))
+
+
+def _counts(producer: int, start: int) -> Change:
+    """A SYNC counter that overflows at *producer*, and a TPDO that waits for it to be *start*."""
+    waits = has(1, T1, pdo(0x181, entry(0x6040), entry(0x6071), kind=1, start=start))
+    return also(holds(10, x1019=producer), waits)
+
+
+_OTHER_ID = also(node(10, node_id=37), _tpdo(5, 0x1A5))
+
+
+@pytest.mark.parametrize(
+    ("rule", "change", "said"),
+    [
+        ("reserved-type", _tpdo(2, 0x333, kind=240), ""),
+        ("reserved-type", _tpdo(2, 0x333, kind=241), "type 241"),
+        ("reserved-type", _tpdo(2, 0x333, kind=251), "type 251"),
+        ("reserved-type", _tpdo(2, 0x333, kind=252), ""),
+        ("reserved-type", has(5, R2, pdo(0x333, entry(0x6042), kind=240)), ""),
+        ("reserved-type", has(5, R2, pdo(0x333, entry(0x6042), kind=241)), "type 241"),
+        ("reserved-type", has(5, R2, pdo(0x333, entry(0x6042), kind=253)), "type 253"),
+        ("reserved-type", has(5, R2, pdo(0x333, entry(0x6042), kind=254)), ""),
+        ("sent-on-request", _tpdo(2, 0x333, kind=251), ""),
+        ("sent-on-request", _tpdo(2, 0x333, kind=252), "RTR"),
+        ("sent-on-request", _tpdo(2, 0x333, kind=253), "RTR"),
+        ("sent-on-request", _tpdo(2, 0x333, kind=254), ""),
+        ("emcy-of-other", holds(5, x1014=0x080), ""),
+        ("emcy-of-other", holds(5, x1014=0x081), "EMCY of node 1"),
+        ("emcy-of-other", holds(5, x1014=0x0FF), "EMCY of node 127"),
+        ("emcy-of-other", holds(5, x1014=0x100), ""),
+        ("emcy-of-other", holds(5, x1014=0x2000_0081), ""),
+        ("emcy-can-id", holds(5, x1014=0x581), "0x581"),
+        ("emcy-can-id", holds(5, x1014=0x2000_0581), ""),
+        ("emcy-can-id", holds(5, x1014=0x8000_0581), ""),
+        ("time-ids-differ", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x8000_0110)), "0x110"),
+        ("time-ids-differ", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x8000_0100)), ""),
+        ("time-ids-differ", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x0000_0110)), ""),
+        ("time-ids-differ", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x4000_0110)), ""),
+        ("two-times", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x4000_0100)), "node 5 sends it"),
+        ("two-times", also(holds(10, x1012=0x4000_0100), holds(5, x1012=0x4000_0110)), ""),
+        ("can-id-of-other", _tpdo(4, 0x281), "TPDO2 of node 1"),
+        ("can-id-of-other", _tpdo(5, 0x281), ""),
+        ("can-id-of-other", _tpdo(4, 0x281, extended=True), ""),
+        ("other-formula", _OTHER_ID, "TPDO1 of node 37"),
+        ("other-formula", _tpdo(5, 0x1A5), ""),  # nobody has the other node-ID
+        ("other-formula", also(node(10, node_id=37), _tpdo(4, 0x1A5)), ""),
+        ("other-formula", also(node(10, node_id=37), _tpdo(16, 0x1A5)), "TPDO1 of node 37"),
+        ("other-formula", also(node(10, node_id=37), _tpdo(17, 0x1A5)), ""),
+        ("other-formula", also(node(10, node_id=37), _tpdo(5, 0x1A5, extended=True)), ""),
+        ("other-formula", also(node(10, node_id=69), _tpdo(5, 0x1C5)), "TPDO1 of node 69"),
+        ("other-formula", also(node(10, node_id=101), _tpdo(5, 0x1E5)), "TPDO1 of node 101"),
+        ("other-formula", also(node(10, node_id=38), _tpdo(5, 0x1A6)), ""),  # 33 more: another formula
+        ("other-formula", also(node(5, node_id=32), _tpdo(5, 0x1C0, 32)), ""),
+        ("other-formula", also(node(5, node_id=33), _tpdo(5, 0x1C1, 33)), "TPDO1 of node 65"),
+        ("node-id-of-master", master(node_id=5), "5 is the node-ID"),
+        ("node-id-of-master", master(node_id=127), ""),
+        ("can-id-of-sdo", also(holds(1, x1280_01=0x3A1), _tpdo(2, 0x3A1)), "0x3A1"),
+        ("can-id-of-sdo", also(holds(1, x1280_01=0x8000_03A1), _tpdo(2, 0x3A1)), ""),
+        ("can-id-of-sdo", also(holds(1, x1280_01=0x605), _tpdo(2, 0x605)), "0x605"),
+        ("can-id-of-sdo", also(holds(1, x1280_01=0x2000_0605), _tpdo(2, 0x605, extended=True)), "0x00000605"),
+        ("sync-start-without-counter", _counts(0, 2), "start value is 2"),
+        ("sync-start-without-counter", _counts(1, 2), "start value is 2"),  # 1 is reserved
+        ("sync-start-without-counter", _counts(2, 2), ""),
+        ("sync-start-without-counter", _counts(0, 0), ""),
+        ("sync-start-without-counter", also(_counts(0, 2), holds(5, x1019=4)), "start value is 2"),
+        ("sync-start-over-counter", _counts(4, 4), ""),
+        ("sync-start-over-counter", _counts(4, 5), "start value is 5, the counter ends with 4"),
+        ("sync-start-over-counter", _counts(2, 3), "start value is 3"),
+        ("sync-start-over-counter", _counts(1, 3), ""),
+        ("sync-start-over-counter", _counts(0, 3), ""),
+        ("sync-counters-differ", also(holds(10, x1019=4), holds(5, x1019=4)), ""),
+        ("sync-counters-differ", also(holds(10, x1019=4), holds(5, x1019=8)), "it counts to 8, node 10 to 4"),
+        ("sync-counters-differ", also(holds(10, x1019=4), holds(5, x1019=0)), ""),
+        ("sync-counters-differ", holds(5, x1019=8), "it counts to 8, node 10 to 0"),
+    ],
+)  # fmt: skip
+def test_a_rule_of_services_begins_where_the_standard_says(rule: str, change: Change, said: str) -> None:
+    texts = [text for _, _, text in network_findings(Planted(rule, change).network, {rule})]
+    assert len(texts) == bool(said), texts
+    assert said in "".join(texts)
+
+
+def test_a_node_without_the_object_of_sync_is_named_with_its_own_pdo() -> None:
+    planted = Planted("synchronous-without-sync", lacks(5, 0x1005))
+    assert [spot for _, spot, _ in network_findings(planted.network, {planted.rule})] == [NetSpot(5, R1)]
+
+
+@pytest.mark.parametrize(
+    ("named", "rule", "spot"),
+    [
+        ({1: T1}, "sync-not-produced", NetSpot(1, T1)),
+        ({5: R1}, "sync-not-produced", NetSpot(5, R1)),
+        ({}, "sync-from-elsewhere", NetSpot(1, T1)),
+        ({5: T1}, "sync-from-elsewhere", NetSpot(1, T1)),  # that TPDO is sent on events
+    ],
+)
+def test_a_file_whose_master_sends_no_sync_is_wrong_if_it_names_a_synchronous_pdo(
+    named: dict[int, Pdo], rule: str, spot: NetSpot
+) -> None:
+    asked = [node(node_id, marks={which: Mark(4)}) for node_id, which in named.items()]
+    state = also(holds(10, x1005=0x80), master(node_id=127, sync_period_us=0), *asked)(SOUND)
+    network = CheckedNetwork(state._replace(file="net.yaml"), BIT_RATE)
+    both = {"sync-not-produced", "sync-from-elsewhere"}
+    assert [(found.name, at) for found, at, _ in network_findings(network, both)] == [(rule, spot)]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"), [(also(), "ms after SYNC; the window is 0.5 ms"),
+                       (has(1, T2, pdo(0x182, _STATUS_ONLY)), "at any time; the window is 0.5 ms")],
+)  # fmt: skip
+def test_a_synchronous_pdo_behind_the_window_is_said_to_come_when_it_may(more: Change, said: str) -> None:
+    """A TPDO without inhibit time and event timer may keep the bus from all that come after it."""
+    planted = next(one for one in PLANTED if one.rule == "sync-window")
+    network = CheckedNetwork(also(planted.change, more)(SOUND), BIT_RATE)
+    texts = [text for _, _, text in network_findings(network, {"sync-window"})]
+    assert texts
+    assert all(said in text for text in texts), texts
