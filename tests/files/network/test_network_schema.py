@@ -22,8 +22,6 @@ from tests.files.network.test_read_network import TREES
 from tests.files.network.test_write_network import networks
 from tests.process import ROOT
 
-jsonschema = pytest.importorskip("jsonschema", reason="pip install -e '.[test]' brings it")
-
 #: values as YAML writes them, for a key that takes some of them
 VALUES = (
     "0", "1", "-1", "3", "300", "0x10000", "0x1FFFFFFF", "0x20000000", "0x80000181", "0x100000000", "1.5", "true",
@@ -36,6 +34,8 @@ VALUES = (
 
 @cache
 def validator() -> Any:
+    import jsonschema  # here, as it takes seconds, and every worker reads this file
+
     schema = json.loads(SCHEMA_FILES[0].read_text("utf-8"))
     jsonschema.Draft7Validator.check_schema(schema)
     return jsonschema.Draft7Validator(schema)
