@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from itertools import chain
 
 import pytest
 
@@ -30,29 +31,32 @@ MAY_DEFINE = {
 }
 
 
-def defined(file: str, text: str) -> Iterator[str]:
+def defined(file: str, text: str, module: ast.Module) -> Iterator[str]:
     """Constants of a module, or of its classes, that are an index or a CAN-ID of the standard, also one of several."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Module | ast.ClassDef):
-            for one in node.body:
-                targets = one.targets if isinstance(one, ast.Assign) else [getattr(one, "target", None)]
-                if isinstance(one, ast.Assign | ast.AnnAssign) and one.value is not None and targets[0] is not None:
-                    yield from (f"{file}:{name}" for name in _literals(text, targets[0], one.value))
+    lines = text.splitlines()
+    bodies = [module.body]
+    for body in bodies:  # which grows
+        bodies += [node.body for node in body if isinstance(node, ast.ClassDef)]
+    for one in chain.from_iterable(bodies):
+        targets = one.targets if isinstance(one, ast.Assign) else [getattr(one, "target", None)]
+        if isinstance(one, ast.Assign | ast.AnnAssign) and one.value is not None and targets[0] is not None:
+            yield from (f"{file}:{name}" for name in _literals(lines, targets[0], one.value))
 
 
-def _literals(text: str, target: ast.expr, value: ast.expr) -> Iterator[str]:
+def _literals(lines: list[str], target: ast.expr, value: ast.expr) -> Iterator[str]:
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
         for each, its in zip(target.elts, value.elts, strict=False):
-            yield from _literals(text, each, its)
+            yield from _literals(lines, each, its)
         return
-    written = ast.get_source_segment(text, value) or ""
-    address = re.fullmatch(r"\((0x\w+), \d+\)", written)  # an index and a sub-index
-    if (address[1] if address else written) in LITERALS:
-        yield ast.unparse(target)
+    if value.lineno == value.end_lineno:  # a number, an address or a range stands on one line
+        written = lines[value.lineno - 1].encode()[value.col_offset : value.end_col_offset].decode()
+        address = re.fullmatch(r"\((0x\w+), \d+\)", written)  # an index and a sub-index
+        if (address[1] if address else written) in LITERALS:
+            yield ast.unparse(target)
 
 
 def test_no_other_module_defines_them() -> None:
-    found = {place for file, text in HOUSE.texts.items() if file not in HOMES for place in defined(file, text)}
+    found = {place for file, tree in HOUSE if file not in HOMES for place in defined(file, HOUSE.texts[file], tree)}
     assert found == MAY_DEFINE.keys()
 
 
@@ -66,9 +70,9 @@ def test_no_other_module_defines_them() -> None:
     "class Bus:\n    sync = 0x080",
 ])  # fmt: skip
 def test_it_bites(text: str) -> None:
-    assert list(defined("device/new.py", text))
+    assert list(defined("device/new.py", text, ast.parse(text)))
 
 
 @pytest.mark.parametrize("text", ["_BACKLOG = 4096", "_ABORT = 0x80", "_IDENTITY = IDENTITY", "TEXTS = {0x1000: 'x'}"])
 def test_other_constants_pass(text: str) -> None:
-    assert not list(defined("device/new.py", text))
+    assert not list(defined("device/new.py", text, ast.parse(text)))

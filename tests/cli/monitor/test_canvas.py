@@ -7,7 +7,7 @@ from io import StringIO
 
 import pyte
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from prompt_toolkit.application import create_app_session
 from prompt_toolkit.data_structures import Size
@@ -76,7 +76,6 @@ def drawn(*pictures: list[list[Cell]]) -> Shown:
     return screen
 
 
-@settings(max_examples=60)
 @given(st.lists(PICTURE, min_size=2, max_size=5))
 def test_a_picture_looks_the_same_whatever_was_before(pictures: list[list[list[Cell]]]) -> None:
     assert drawn(*pictures).shown == drawn(pictures[-1]).shown
