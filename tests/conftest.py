@@ -58,24 +58,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
     parser.addoption(
         "--cases",
-        choices=("lot", "rest", "all"),
-        help="of `drawn` tests: what the lot takes, the rest, or all [lot; all where some are named]",
+        choices=("lot", "rest", "more", "all"),
+        help="of `drawn` tests: the lot, the rest, the lot and more of the rest, or all [lot; all if some are named]",
     )
-    parser.addoption("--share", type=int, default=1, metavar="N", help="of `--cases rest`: one case of N, by lot [1]")
+    parser.addoption("--share", type=int, default=1, metavar="N", help="of the rest: one case of N, by lot [1]")
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Three for each core, since half of a test is waiting for a process or a time-out.
+    """Two for each core, and one more: half of a test is waiting for a process or a time-out.
 
-    Fewer where less is to be done: each worker reads the product and the tests first, which is ten seconds of a
-    processor for all, and more than the tests of a room that only computes. Two for each core where some tests are
-    named, and one more than cores for what is quick.
+    Not more, since each worker reads the product and the tests first, which is ten seconds of a processor for all, and
+    more than the tests of a room that only computes. Two for each core if some tests are named, and one more than cores
+    for what is quick.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if config.option.markexpr == "quick":
         return cores + 1
-    return 3 * cores if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 2 * cores
+    return 2 * cores + 1 if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 2 * cores
 
 
 def pytest_collection(session: pytest.Session) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from dvtcli.files.recordings.pasted import PASTED, PastedFormat
 from dvtcli.files.recordings.recording_file import read_recorded
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
-from tests.process import PATIENCE_S, environment
+from tests.process import dvtcli
 
 TEXT = (".asc", ".log", ".trc")
 #: what stands in the place of a frame, and is none
@@ -229,12 +227,9 @@ def test_what_a_library_logs_of_a_file_does_not_reach_the_terminal(good: dict[st
         for number in {0, 3, max(0, len(lines) - 20), len(lines)}:
             path = tmp_path / f"a{suffix}"
             path.write_bytes(b"".join([*lines[:number], comment, damage, *lines[number:]]))
-            done = subprocess.run(
-                [sys.executable, "-m", "dvtcli", "decode", path.name],
-                cwd=tmp_path, env=environment(), capture_output=True, check=False, timeout=PATIENCE_S,
-            )  # fmt: skip
-            assert b"\x1b" not in done.stdout + done.stderr
-            said = [line for line in done.stderr.decode().splitlines() if not line.startswith(" ")]
+            done = dvtcli("decode", path.name, cwd=tmp_path)
+            assert "\x1b" not in done.stdout + done.stderr
+            said = [line for line in done.stderr.splitlines() if not line.startswith(" ")]
             assert [line for line in said if line.split(":")[0] not in ("error", "note", "warning")] == []
 
 

@@ -1,7 +1,8 @@
 """A part of what is too much for every run: another part in another run, the same one for the same seed.
 
 `pytest --randomly-seed=N`, with the seed that the head of a run prints, takes the same part again; with
-`--cases rest` it takes what that part left out. Where a folder, a file or a `-k` names tests, all of their cases run.
+`--cases rest` it takes what that part left out, with `--cases more` both. If a folder, a file or a `-k` names tests,
+all of their cases run.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ One = TypeVar("One")
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 3
 #: of what takes much of the processors a whole run takes one of so many that it would take
-LESS = 4
+LESS = 6
 #: the lot of the tests of a file that take much and have one case
 ALONE = "tests with one case"
 #: marks of what takes long, or waits, or needs what few machines have
@@ -46,7 +47,7 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
 def mark_many(items: Sequence[pytest.Item], much: frozenset[str] | None = None) -> None:
     """A test that has more than CASES of them and says nothing else is `drawn(CASES)`.
 
-    Of those that take *much* of the processors (without: those of `heavy.txt`) a quarter is drawn of what would be, at
+    Of those that take *much* of the processors (without: those of `heavy.txt`) a sixth is drawn of what would be, at
     least one: of each test with cases, of each lot with a name, and of the tests of a file that have one case each.
     Not where an option says how many there are, and not of Hypothesis, which is its own lot.
     """
@@ -125,9 +126,9 @@ def _takes_long(item: pytest.Item) -> bool:
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:
     """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N.
 
-    Of the `rest`, only one case in `--share` runs, on average. With `drawn(N, NAME)` all tests of that name are one
-    lot; a whole file may be. None of Hypothesis is in such a lot, and of these what is counted runs again with the
-    `rest`, whatever was drawn: `.ci/run` asks for more of both.
+    Of the `rest`, only one case in `--share` runs, on average; `more` is the lot and that. With `drawn(N, NAME)` all
+    tests of that name are one lot; a whole file may be. None of Hypothesis is in such a lot, and of these what is
+    counted runs again with the `rest`, whatever was drawn: `.ci/run` asks for more of both.
     """
     share = config.getoption("share")
     cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
@@ -141,12 +142,12 @@ def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -
     out: set[pytest.Item] = set()
     for (test, count), of_test in cases.items():
         of_test.sort(key=lambda item: item.nodeid)
-        drawn = set(part(of_test, count, config, test))
-        if wanted == "rest":
-            rest = [item for item in of_test if item not in drawn]
+        drawn = lot = set(part(of_test, count, config, test))
+        if wanted in ("rest", "more"):
+            rest = [item for item in of_test if item not in lot]
             drawn = set(part(rest, share_of(len(rest), share, config, test), config, f"rest of {test}"))
             drawn |= {item for item in of_test if _is_counted_in_all(item)}
-        out |= set(of_test) - drawn
+        out |= set(of_test) - (drawn | lot if wanted == "more" else drawn)
     return out
 
 

@@ -35,6 +35,17 @@ def test_what_the_lot_leaves_out_is_the_rest(items: list[pytest.Item], pytestcon
     assert left_out(items, pytestconfig, "all") == set()
 
 
+@pytest.mark.parametrize("share", [1, 3, 100])
+def test_more_is_the_lot_and_a_share_of_the_rest(
+    items: list[pytest.Item], pytestconfig: pytest.Config, share: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pytestconfig.option, "share", share)
+    mark_many(items, frozenset())
+    by_lot, by_rest, by_more = (left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest", "more"))
+    assert by_lot
+    assert by_more == by_lot & by_rest
+
+
 @pytest.mark.parametrize("number", range(CASES + 4))
 def test_one_of_many(number: int) -> None:
     assert number in range(CASES + 4)
@@ -102,7 +113,7 @@ def test_a_run_that_names_a_folder_takes_all(pytestconfig: pytest.Config) -> Non
     named = bool(pytestconfig.option.file_or_dir or pytestconfig.option.keyword) and not hasattr(
         pytestconfig, "workerinput"
     )
-    assert pytestconfig.getoption("cases") in (("all",) if named else ("lot", "rest", "all"))
+    assert pytestconfig.getoption("cases") in (("all",) if named else ("lot", "rest", "more", "all"))
 
 
 @pytest.mark.counted
@@ -111,11 +122,15 @@ def test_one_that_is_counted(number: int) -> None:
     assert number in range(7)
 
 
-def test_of_what_takes_much_a_quarter_is_drawn_of_what_would_be_and_at_least_one(
+def test_of_what_takes_much_a_sixth_is_drawn_of_what_would_be_and_at_least_one(
     items: list[pytest.Item], pytestconfig: pytest.Config
 ) -> None:
     names = ("test_one_of_twelve", "test_one_of_many", "test_one_of_few", "test_one_that_is_counted")
-    much = [item.nodeid.partition("[")[0] for item in items if item.name.startswith((*names, "test_what", "test_of"))]
+    much = [
+        item.nodeid.partition("[")[0]
+        for item in items
+        if item.name.startswith((*names, "test_what", "test_of", "test_a_run"))
+    ]
     mark_many(items, frozenset(much))
     by_lot, by_rest = (set(items) - left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
     taken = {name: [sum(item.name.startswith(f"{name}[") for item in of) for of in (by_lot, by_rest)] for name in names}
