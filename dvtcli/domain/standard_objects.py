@@ -16,7 +16,7 @@ from dvtcli.domain.objects import (
     SRDO_COMMUNICATION,
     SRDO_MAPPING,
 )
-from dvtcli.domain.pdo import DISPATCHER_LISTS, SCANNER_LISTS
+from dvtcli.domain.pdo import DISPATCHER_LISTS, PDO_INDICES, SCANNER_LISTS, is_mapping_index
 
 _STORED = ("all parameters", "communication parameters", "application parameters")
 _PARTS = {
@@ -166,7 +166,7 @@ def is_srdo_mapping(index: int) -> bool:
 
 def is_pdo_mapping(index: int) -> bool:
     """Whether *index* is an RPDO's or TPDO's mapping parameter."""
-    return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
+    return index in PDO_INDICES and is_mapping_index(index)
 
 
 def standard_entry(index: int, sub_index: int) -> StandardEntry | None:

@@ -10,7 +10,14 @@ from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.objects import SAFETY
-from dvtcli.domain.pdo import SAM_MPDO, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
+from dvtcli.domain.pdo import (
+    SAM_MPDO,
+    Pdo,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    is_mapping_index,
+)
 from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
@@ -142,7 +149,7 @@ def parameter_findings(
     entries: Callable[[], tuple[PdoMappingEntry, ...]],
 ) -> tuple[Finding, ...]:
     """Findings of the PDO rules about a raw *write*; *entries* returns the entries activated by a written count."""
-    if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
+    if not is_mapping_index(write.index):
         return tuple(_communication(proposal_for, now, write))
     return tuple(_mapping(proposal_for, now, write, entries))
 
