@@ -46,6 +46,7 @@ def test_what_is_written_is_read_back(request_: Request) -> None:
 @example(("os", b""))
 @example(("us", b""))
 @example(("vs", b""))
+@example(("t", bytes(6)))
 @given(st.sampled_from(sorted(TYPES)).flatmap(lambda name: st.tuples(st.just(name), data_of_type(name))))
 def test_a_value_is_read_back(typed: tuple[str, bytes]) -> None:
     name, data = typed
@@ -69,6 +70,19 @@ def test_a_planned_write_is_a_number_if_its_length_allows(length: int, type_name
     assert "#! require 4:identity vendor=0x0000001E product=0x00000007" in lines
     (asked,) = filter(None, map(parse_request, lines))
     assert asked == Request(1, None, 4, Write(0x2000, 1, type_name, data))
+
+
+def test_a_plan_says_when_its_node_goes_to_pre_operational() -> None:
+    node = NodePlan("drive", Plan(4, (ValueChange(Step(0x2000, 1, None, b"\1", "write")),)), {"vendor": 0x1E})
+    lines = plan_lines(NetworkPlan("net.yaml", (node,)), {4: Around(preop=True)})
+    at = next(number for number, line in enumerate(lines) if line.endswith(" 4 preop"))
+    assert lines[at - 1] == "# node 4: its PDOs are set in PRE-OPERATIONAL"
+
+
+def test_a_name_in_a_plan_is_printable_ascii() -> None:
+    node = NodePlan("dr\x7five \u00e9~", Plan(4, ()), {"vendor": 0x1E})
+    lines = plan_lines(NetworkPlan("net.yaml", (node,)), {4: Around()})
+    assert any(line.startswith("# node 4 dr?ive ?~: ") for line in lines)
 
 
 def parsed(line: str) -> Request | GatewayRequestError | None:

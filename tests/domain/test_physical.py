@@ -49,6 +49,16 @@ def test_what_is_shown_can_be_typed_back(raw: int, factor: Fraction, offset: Fra
     assert len({meaning.quantity(raw), meaning.quantity(raw + 1), meaning.quantity(raw - 1)}) == 3
 
 
+@pytest.mark.parametrize(
+    ("meaning", "raw", "number"),
+    [(Scaling("V"), 5, 5), (Scaling("V", Fraction(2), Fraction(1)), 5, 11), (Scaling("V", Fraction(1, 2)), 5, 2.5),
+     (Scaling("V"), 5.0, 5.0), (Scaling("V", Fraction(2)), 0.5, 1.0)],
+)  # fmt: skip
+def test_a_number_is_whole_if_all_of_its_kind_are(meaning: Scaling, raw: float, number: float) -> None:
+    found = meaning.number(raw)
+    assert (found, type(found)) == (number, type(number))
+
+
 @given(
     st.integers(-10_000, 10_000),
     st.sampled_from([("V", "mV", 1000), ("mA", "A", Fraction(1, 1000)), ("m/s", "mm/s", 1000)]),
